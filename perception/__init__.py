@@ -1,0 +1,1 @@
+"""What the rover sees: pictures in, rocks and terrain classes on the ground out."""

@@ -1,0 +1,1 @@
+"""What the rover decides: observations in, waypoints and wheel speeds out."""

@@ -1,0 +1,1 @@
+"""Modes, arming, mission execution and fail-safes of the built-in autopilot: no bytes, no sockets."""

@@ -1,0 +1,1 @@
+"""MAVLink: transports, the vehicle microservices and the companion that uploads missions."""

@@ -1,0 +1,1 @@
+"""The physical world of one run: rover, soil forces, rocks, sensors and cameras."""

@@ -1,0 +1,237 @@
+"""The data that more than one room needs: ground, rocks, poses, cameras and what was perceived.
+
+Frames: world ENU (x east, y north, z up), body FLU (x forward, y left, z up), camera OpenCV
+(x right, y down, z forward). Quaternions are ``(x, y, z, w)``. SI units and radians throughout.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from worlds.scenario import Scenario
+from worlds.soil import Soil
+
+FloatArray = NDArray[np.float64]
+IntArray = NDArray[np.int32]
+ByteArray = NDArray[np.uint8]
+BoolArray = NDArray[np.bool_]
+Vector3 = tuple[float, float, float]
+
+
+class TerrainClass(StrEnum):
+    """The six terrain classes of the 2004 paper, section 5, by their printed letter."""
+
+    SAND = "S"
+    VERY_SMALL_ROCKS = "V"
+    ROUGH = "m"
+    VERY_ROUGH = "M"
+    BIG_ROCK = "B"
+    UNCERTAIN = "U"
+
+
+@dataclass(frozen=True, eq=False)
+class HeightField:
+    """Heights on a square grid; ``heights_m[iy, ix]`` lies at ``origin_m + resolution_m * (ix, iy)``."""
+
+    heights_m: FloatArray  # (ny, nx)
+    resolution_m: float
+    origin_m: tuple[float, float]  # world x, y of heights_m[0, 0]
+
+    @property
+    def x_limits_m(self) -> tuple[float, float]:
+        """World x of the first and the last column."""
+        return self.origin_m[0], self.origin_m[0] + (self.heights_m.shape[1] - 1) * self.resolution_m
+
+    @property
+    def y_limits_m(self) -> tuple[float, float]:
+        """World y of the first and the last row."""
+        return self.origin_m[1], self.origin_m[1] + (self.heights_m.shape[0] - 1) * self.resolution_m
+
+
+@dataclass(frozen=True)
+class RockShape:
+    """Formation of a rock: 0 is the hemisphere, 1..9 the lofted models of the paper's figure 3."""
+
+    formation: int
+    section_ratio: tuple[float, ...]  # nine diameters A0..A8 across the long axis, largest = 1
+
+
+@dataclass(frozen=True)
+class Rock:
+    """One rock standing on the ground; ``position_w`` is the centre of its base at ground height."""
+
+    id: int
+    position_w: Vector3
+    length_m: float  # extent along its principal axis
+    width_m: float  # largest diameter across it
+    height_m: float  # above the ground
+    yaw_rad: float  # direction of the principal axis, from +x counter-clockwise
+    shape: RockShape
+
+    @property
+    def diameter_m(self) -> float:
+        """Diameter of the circle of equal base, the D of the size-frequency law."""
+        return float(np.sqrt(self.length_m * self.width_m))
+
+
+@dataclass(frozen=True)
+class Cylinder:
+    """An upright cylinder; ``position_w`` is the centre of its foot."""
+
+    id: int
+    position_w: Vector3
+    radius_m: float
+    height_m: float
+
+
+@dataclass(frozen=True, eq=False)
+class TriangleMesh:
+    """A triangle mesh with outward faces; ``owner`` names the rock or cylinder id of each face."""
+
+    vertices_m: FloatArray  # (V, 3)
+    faces: IntArray  # (F, 3)
+    owner: IntArray  # (F,)
+
+
+@dataclass(frozen=True, eq=False)
+class Pose:
+    """Position and attitude in the world; the quaternion ``(x, y, z, w)`` turns body into world."""
+
+    position_w: FloatArray  # (3,)
+    quaternion_w: FloatArray  # (4,)
+
+
+@dataclass(frozen=True)
+class CameraModel:
+    """A pinhole camera and where it sits on the rover (``pitch_rad`` is positive looking down)."""
+
+    width_px: int
+    height_px: int
+    focal_px: float
+    position_b: Vector3 = (0.0, 0.0, 0.0)
+    pitch_rad: float = 0.0
+
+    @property
+    def centre_px(self) -> tuple[float, float]:
+        """Principal point (column, row); pixel centres lie at +0.5."""
+        return self.width_px / 2.0, self.height_px / 2.0
+
+
+@dataclass(frozen=True, eq=False)
+class GroundPlane:
+    """The plane that the rover believes it stands on."""
+
+    point_w: FloatArray  # (3,)
+    normal_w: FloatArray  # (3,), unit, upwards
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """One picture as the perception gets it, with the believed pose of the camera and of the ground."""
+
+    time_s: float
+    image: ByteArray  # (H, W) grey or (H, W, 3) RGB
+    camera: CameraModel
+    camera_pose: Pose | None = None  # turns camera axes into world; None for a picture from anywhere
+    ground: GroundPlane | None = None
+
+
+@dataclass(frozen=True)
+class PerceivedRock:
+    """A rock as the camera saw it, placed on the believed ground."""
+
+    position_w: Vector3  # centre of its base
+    length_m: float
+    width_m: float
+    height_m: float
+    yaw_rad: float
+    certainty: float  # 0..1
+    formation: int
+    range_m: float  # ground distance from the camera
+    position_sd_m: float  # one sigma of the position along the line of sight
+
+
+@dataclass(frozen=True, eq=False)
+class Observation:
+    """What one frame says about the ground, in world coordinates."""
+
+    time_s: float
+    rocks: tuple[PerceivedRock, ...]
+    classes: NDArray[np.str_]  # (rows, columns) letters of TerrainClass, top row first
+    class_centre_w: FloatArray  # (rows, columns, 2), NaN where a window sees no ground
+    footprint_w: FloatArray  # (N, 2) outline of the ground that was seen, counter-clockwise
+
+
+@dataclass(frozen=True, eq=False)
+class PoseEstimate:
+    """What the rover believes of its own motion."""
+
+    time_s: float
+    pose: Pose
+    velocity_w: FloatArray  # (3,)
+    yaw_rate_rad_s: float
+    position_sd_m: float
+    yaw_sd_rad: float
+
+
+@dataclass(frozen=True)
+class ImuReading:
+    """Strap-down inertial unit with a compass: specific force and rate in body axes, heading in the world."""
+
+    acceleration_b: Vector3
+    rate_b: Vector3
+    heading_rad: float  # from +x counter-clockwise
+
+
+@dataclass(frozen=True)
+class GnssReading:
+    """A position and velocity fix in the world frame."""
+
+    position_w: Vector3
+    velocity_w: Vector3
+    position_sd_m: float
+
+
+@dataclass(frozen=True)
+class SensorReadings:
+    """All that the rover's own sensors gave at one instant; ``gnss`` is None between fixes."""
+
+    time_s: float
+    imu: ImuReading
+    wheel_speed_rad_s: tuple[float, ...]  # left front, left rear, right front, right rear
+    gnss: GnssReading | None = None
+
+
+@dataclass(frozen=True)
+class Footprint:
+    """What the planner must know of the rover's body."""
+
+    length_m: float
+    width_m: float
+    wheel_radius_m: float
+    track_m: float
+    wheelbase_m: float
+    clearance_m: float
+    max_speed_m_s: float
+    max_yaw_rate_rad_s: float
+    effective_track_ratio: float = 1.6  # skid-steer: kinematic yaw rate over true yaw rate
+
+
+@dataclass(frozen=True, eq=False)
+class World:
+    """Everything that is true of one scenario and seed."""
+
+    scenario: Scenario
+    seed: int
+    ground: HeightField  # rocks too small for a mesh are bumps of it
+    rocks: tuple[Rock, ...]  # those with a mesh of their own
+    cylinders: tuple[Cylinder, ...]
+    picture_mesh: TriangleMesh  # rocks and cylinders as the camera sees them
+    collision_mesh: TriangleMesh  # the same, coarser
+    soil: Soil
+    start: Pose  # on the ground under the rover, turned to its heading only
+    goal_w: Vector3
