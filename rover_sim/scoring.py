@@ -1,0 +1,67 @@
+"""What the picture truly shows: terrain classes from the renderer's id and depth buffers, for scoring only."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from worlds.types import FloatArray, IntArray, TerrainClass
+
+WINDOW_PX = 20
+FAR_M = 15.0  # beyond it a 20 px window is an unresolved band near the horizon
+SPECK_PX = 16  # a rock's part in a window up to 4 x 4 pixels is a very small rock
+BIG_EXTENT_PX = 20
+BIG_COVER = 0.40
+VERY_ROUGH_COVER = 0.35
+ROUGH_COVER = 0.10
+
+
+def rock_extents_px(ids: IntArray) -> IntArray:
+    """Longer side (pixels) of each rock's box in the whole picture, indexed by rock id."""
+    rows, columns = np.nonzero(ids > 0)
+    owner = ids[rows, columns]
+    count = int(owner.max(initial=0)) + 1
+    low = np.full((count, 2), np.iinfo(np.int32).max)
+    high = np.full((count, 2), -1)
+    for axis, values in enumerate((rows, columns)):
+        np.minimum.at(low[:, axis], owner, values)
+        np.maximum.at(high[:, axis], owner, values)
+    return np.maximum((high - low + 1).max(axis=1), 0).astype(np.int32)
+
+
+def _window_class(pixels: IntArray, extent_px: IntArray) -> TerrainClass:
+    """Class of one near window with at least one rock pixel, by the working definitions of the six classes."""
+    owners, counts = np.unique(pixels[pixels > 0], return_counts=True)
+    cover = counts.sum() / pixels.size
+    largest = int(np.argmax(counts))
+    if extent_px[owners[largest]] >= BIG_EXTENT_PX and counts[largest] >= BIG_COVER * pixels.size:
+        return TerrainClass.BIG_ROCK
+    if cover > VERY_ROUGH_COVER:
+        return TerrainClass.VERY_ROUGH
+    if cover >= ROUGH_COVER or counts[largest] > SPECK_PX:
+        return TerrainClass.ROUGH
+    return TerrainClass.VERY_SMALL_ROCKS
+
+
+def true_classes(ids: IntArray, depth_m: NDArray[np.float32]) -> NDArray[np.str_]:
+    """True class letters (rows, columns) of the 20 x 20 px windows of one rendered picture (H, W).
+
+    ``ids`` is -1 at the sky, 0 on the ground and the rock's id elsewhere. Windows that are mostly sky, or
+    farther than 15 m, are U. Rock cover and extent decide the rest, as in the hand labels of the six classes.
+    """
+    rows, columns = ids.shape[0] // WINDOW_PX, ids.shape[1] // WINDOW_PX
+    extent_px = rock_extents_px(ids)
+    shape = (rows, WINDOW_PX, columns, WINDOW_PX)
+    crop = np.s_[: rows * WINDOW_PX, : columns * WINDOW_PX]
+    tiles = ids[crop].reshape(shape).transpose(0, 2, 1, 3).reshape(rows, columns, -1)
+    far = (depth_m[crop] > FAR_M).reshape(shape).mean(axis=(1, 3)) > 0.5  # the sky's depth is infinite
+    letters = np.full((rows, columns), TerrainClass.SAND.value, dtype="<U1")
+    for row, column in zip(*np.nonzero((tiles > 0).any(axis=2) & ~far), strict=True):
+        letters[row, column] = _window_class(tiles[row, column], extent_px).value
+    letters[far] = TerrainClass.UNCERTAIN.value
+    return letters
+
+
+def straight_line_m(start_w: FloatArray, goal_w: FloatArray) -> float:
+    """Horizontal distance from start to goal, the reference of path inefficiency."""
+    return float(np.linalg.norm(np.asarray(goal_w)[:2] - np.asarray(start_w)[:2]))
