@@ -43,7 +43,8 @@ def output_folder(path: Path) -> Path:
     try:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise InputError(f"--out {path}: cannot be made ({error.strerror}); give a folder that may be written") from error
+        text = f"--out {path}: cannot be made ({error.strerror}); give a folder that may be written"
+        raise InputError(text) from error
     if not os.access(path, os.W_OK):
         raise InputError(f"--out {path}: not writable; give a folder that may be written")
     return path

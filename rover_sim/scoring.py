@@ -26,7 +26,7 @@ def rock_extents_px(ids: IntArray) -> IntArray:
     for axis, values in enumerate((rows, columns)):
         np.minimum.at(low[:, axis], owner, values)
         np.maximum.at(high[:, axis], owner, values)
-    return np.maximum((high - low + 1).max(axis=1), 0).astype(np.int32)
+    return np.asarray(np.maximum((high - low + 1).max(axis=1), 0), dtype=np.int32)
 
 
 def _window_class(pixels: IntArray, extent_px: IntArray) -> TerrainClass:
