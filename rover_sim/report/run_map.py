@@ -1,0 +1,118 @@
+"""The map of a traverse: ground, rocks true and perceived, path planned and driven, slip."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.collections import LineCollection, PatchCollection
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Circle
+from numpy.typing import NDArray
+
+from rover_sim.files import atomic_path
+from rover_sim.report.ground_map import draw_ground
+from worlds.types import FloatArray, World
+
+SLIP_SCALE = 0.6  # slip ratio at the upper end of the colour bar
+MARGIN_M = 3.0
+
+
+@dataclass(frozen=True, eq=False)
+class MapData:
+    """What is drawn over the true ground."""
+
+    trace: dict[str, NDArray[np.float64]]
+    plans: Sequence[FloatArray]  # each (N, 2), in the order they were sent
+    perceived: FloatArray  # (M, 3): x, y, diameter of the remembered rocks
+    title: str
+
+
+def _extent(data: MapData, world: World) -> tuple[float, float, float, float]:
+    """Left, right, bottom and top of the part of the world that matters, square enough to look at."""
+    points = np.vstack([data.trace["position_w"][:, :2], np.asarray(world.goal_w)[None, :2]])
+    low, high = points.min(axis=0) - MARGIN_M, points.max(axis=0) + MARGIN_M
+    short = max(0.0, 0.45 * float((high - low).max()) - float((high - low).min())) / 2
+    axis = int(np.argmin(high - low))
+    low[axis] -= short
+    high[axis] += short
+    return float(low[0]), float(high[0]), float(low[1]), float(high[1])
+
+
+def _mean_slip(trace: dict[str, NDArray[np.float64]]) -> NDArray[np.float64]:
+    """Mean absolute slip (rows,) of the wheels that turn."""
+    turning = np.abs(trace["wheel_speed"]) > 0.2
+    counted = np.maximum(turning.sum(axis=1), 1)
+    return np.asarray((np.abs(trace["slip"]) * turning).sum(axis=1) / counted)
+
+
+def _draw_driven(axes: Axes, data: MapData) -> Any:
+    """The driven path, coloured by slip; returns the collection for the colour bar."""
+    path = data.trace["position_w"][:, :2]
+    lines = LineCollection(
+        list(np.stack([path[:-1], path[1:]], axis=1)),
+        array=_mean_slip(data.trace)[:-1],
+        cmap="plasma",
+        linewidths=2.6,
+        zorder=6,
+    )
+    lines.set_clim(0.0, SLIP_SCALE)
+    axes.add_collection(lines)
+    return lines
+
+
+def _draw_belief(axes: Axes, data: MapData) -> None:
+    """What the rover believed: remembered rocks as circles, the plans as thin lines, the last one bold."""
+    circles = [Circle((x, y), max(diameter, 0.05) / 2) for x, y, diameter in data.perceived]
+    axes.add_collection(PatchCollection(circles, facecolor="none", edgecolor="deepskyblue", linewidths=1.0, zorder=5))
+    for plan in data.plans[:-1]:
+        axes.plot(plan[:, 0], plan[:, 1], color="white", linewidth=0.5, alpha=0.45, zorder=4)
+    for plan in data.plans[-1:]:
+        axes.plot(plan[:, 0], plan[:, 1], color="white", marker="o", markersize=3, linewidth=1.2, zorder=5)
+    handles = [
+        Line2D([], [], marker="o", linestyle="", markerfacecolor="none", color="deepskyblue", label="rock perceived"),
+        Line2D([], [], color="white", linewidth=1.2, label="path planned"),
+        Line2D([], [], color="darkviolet", linewidth=2.6, label="path driven (colour: slip)"),
+    ]
+    known = axes.get_legend_handles_labels()[0]
+    axes.legend(handles=[*known, *handles], loc="upper left", fontsize=7, facecolor="0.35", labelcolor="white")
+
+
+def _draw_profile(axes: Axes, data: MapData) -> None:
+    """Slip and tilt along the way."""
+    position, quaternion = data.trace["position_w"], data.trace["quaternion_w"]
+    way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(position, axis=0), axis=1))])
+    tilt_deg = np.degrees(np.arccos(np.clip(1 - 2 * (quaternion[:, 0] ** 2 + quaternion[:, 1] ** 2), -1, 1)))
+    axes.plot(way, 100 * _mean_slip(data.trace), color="darkviolet", linewidth=1.0, label="mean slip, %")
+    axes.plot(way, tilt_deg, color="tab:orange", linewidth=1.0, label="tilt, deg")
+    axes.set(xlabel="distance driven, m", xlim=(0, max(float(way[-1]), 0.1)), ylim=(0, 100 * SLIP_SCALE))
+    axes.grid(alpha=0.3)
+    axes.legend(fontsize=7, loc="upper right")
+
+
+def run_figure(world: World, data: MapData) -> Figure:
+    """The figure: the map above, slip and tilt along the way below."""
+    left, right, bottom, top = _extent(data, world)
+    figure = Figure(figsize=(10, min(12.0, 3.2 + 8.6 * (top - bottom) / (right - left))), layout="constrained")
+    map_axes, profile_axes = figure.subplots(2, 1, height_ratios=(5, 1))
+    draw_ground(map_axes, world)
+    _draw_belief(map_axes, data)
+    bar = figure.colorbar(_draw_driven(map_axes, data), ax=map_axes, shrink=0.8, pad=0.01)
+    bar.set_label("mean slip ratio")
+    map_axes.set(xlim=(left, right), ylim=(bottom, top), title=data.title)
+    _draw_profile(profile_axes, data)
+    return figure
+
+
+def save_run_map(path: Path, world: World, data: MapData) -> None:
+    """Write the map as a PNG, atomically."""
+    figure = run_figure(world, data)
+    FigureCanvasAgg(figure)
+    with atomic_path(path) as temporary:
+        figure.savefig(temporary, dpi=110, format="png")
