@@ -123,7 +123,7 @@ def evaluate(base: RuleBase, inputs: Mapping[str, FloatArray]) -> FloatArray:
     for index, (_, corners) in enumerate(base.output.terms):
         np.maximum(combined, shape(strengths[:, index, None], membership(corners, grid)), out=combined)
     area = combined.sum(axis=1)
-    answer = np.full_like(area, np.nan)
+    answer: FloatArray = np.full_like(area, np.nan)
     np.divide(combined @ grid, area, out=answer, where=area > 0)
     return answer
 

@@ -1,0 +1,176 @@
+"""Mobility planning: a path to speed and yaw rate, and those to the four wheels of a skid-steer rover.
+
+Regulated pure pursuit: Coulter, CMU-RI-TR-92-01 (1992); the slowing by curvature and nearness after Macenski,
+Singh, Martin, Gines, "Regulated pure pursuit for robot path tracking", Autonomous Robots 47 (2023) 685-694.
+Skid-steer kinematics with an effective track: Mandow et al., IROS 2007; Martinez et al., IJRR 24(10), 2005.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from worlds.geometry import euler_from_quaternion, wrap_angle
+from worlds.types import FloatArray, Footprint, PoseEstimate
+
+
+@dataclass(frozen=True)
+class Command:
+    """Wanted motion of the body: speed along x and rate about z."""
+
+    linear_m_s: float
+    yaw_rate_rad_s: float
+
+
+STOP = Command(0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class Limits:
+    """How the rover may be driven; the footprint's own limits hold as well."""
+
+    cruise_speed_m_s: float = 0.6
+    creep_speed_m_s: float = 0.12  # slow, but enough not to stick in the sand
+    turn_rate_rad_s: float = 0.45  # on the spot
+    least_turn_rate_rad_s: float = 0.12
+    acceleration_m_s2: float = 0.5  # a third of what sand of 27 deg gives under Mars gravity
+    yaw_acceleration_rad_s2: float = 1.0
+    lookahead_m: float = 0.5
+    lookahead_time_s: float = 0.4
+    slow_radius_m: float = 1.2  # tighter curves than this are driven in proportion slower
+    slow_distance_m: float = 0.8  # braking begins so far from the end
+    arrival_radius_m: float = 0.25
+    turn_start_rad: float = float(np.deg2rad(50.0))  # heading error at which the rover stops to turn
+    turn_end_rad: float = float(np.deg2rad(8.0))
+    risk: float = 0.0  # 0 free ground .. 1 dangerous: cruise speed falls to 40 %
+
+
+@dataclass(frozen=True)
+class Progress:
+    """What path following remembers between two steps; begin each path with ``Progress()``."""
+
+    arc_m: float = 0.0  # how far along the path the rover is
+    turning: bool = False
+    arrived: bool = False
+
+
+def follow_path(
+    path_w: FloatArray,
+    pose: PoseEstimate,
+    footprint: Footprint,
+    limits: Limits,
+    progress: Progress,
+    *,
+    reverse: bool = False,
+) -> tuple[Command, Progress]:
+    """Speed and yaw rate that lead along the polyline ``path_w`` (N, 2), N >= 1, and the progress made.
+
+    With ``reverse`` the rear leads. At the end the command is `STOP` and ``progress.arrived`` is true.
+    """
+    position = pose.pose.position_w[:2]
+    arc, length = _arc_on_path(path_w, position, progress.arc_m)
+    to_end = float(np.linalg.norm(path_w[-1] - position))
+    left = length - arc
+    if progress.arrived or (to_end < limits.arrival_radius_m and left < 2.0) or (to_end < 1.0 and left < 1e-3):
+        return STOP, replace(progress, arc_m=arc, arrived=True)
+    yaw = euler_from_quaternion(pose.pose.quaternion_w)[2] + (np.pi if reverse else 0.0)
+    speed_now = float(np.linalg.norm(pose.velocity_w[:2]))
+    lookahead = limits.lookahead_m + limits.lookahead_time_s * speed_now
+    target = _point_at(path_w, arc + lookahead) - position
+    error = wrap_angle(np.arctan2(target[1], target[0]) - yaw)
+    turning = abs(error) > (limits.turn_end_rad if progress.turning else limits.turn_start_rad)
+    following = replace(progress, arc_m=arc, turning=turning)
+    if turning:
+        return Command(0.0, _turn_rate(error, footprint, limits)), following
+    curvature = 2.0 * np.sin(error) / max(float(np.linalg.norm(target)), 0.2)
+    speed = _speed(curvature, max(to_end, left), footprint, limits)
+    rate = float(np.clip(speed * curvature, -footprint.max_yaw_rate_rad_s, footprint.max_yaw_rate_rad_s))
+    return Command(-speed if reverse else speed, rate), following
+
+
+def turn_to(heading_rad: float, pose: PoseEstimate, footprint: Footprint, limits: Limits) -> tuple[Command, bool]:
+    """Yaw rate on the spot towards a heading in the world, and whether it is reached (then the command is `STOP`)."""
+    error = wrap_angle(heading_rad - euler_from_quaternion(pose.pose.quaternion_w)[2])
+    if abs(error) < limits.turn_end_rad:
+        return STOP, True
+    return Command(0.0, _turn_rate(error, footprint, limits)), False
+
+
+def backing_path(pose: PoseEstimate, distance_m: float) -> FloatArray:
+    """Straight path (2, 2) to the rear, to be followed with ``reverse=True``."""
+    yaw = euler_from_quaternion(pose.pose.quaternion_w)[2]
+    start = pose.pose.position_w[:2]
+    return np.array([start, start - distance_m * np.array([np.cos(yaw), np.sin(yaw)])])
+
+
+def ramp(previous: Command, wanted: Command, limits: Limits, step_s: float) -> Command:
+    """``wanted``, as far as the accelerations allow it ``step_s`` after ``previous``."""
+    linear = limits.acceleration_m_s2 * step_s
+    turn = limits.yaw_acceleration_rad_s2 * step_s
+    return Command(
+        previous.linear_m_s + float(np.clip(wanted.linear_m_s - previous.linear_m_s, -linear, linear)),
+        previous.yaw_rate_rad_s + float(np.clip(wanted.yaw_rate_rad_s - previous.yaw_rate_rad_s, -turn, turn)),
+    )
+
+
+def wheel_speeds(linear_m_s: float, yaw_rate_rad_s: float, footprint: Footprint) -> tuple[float, ...]:
+    """Wheel speeds (rad/s; left front, left rear, right front, right rear) of a wanted motion.
+
+    A motion beyond the fastest wheel is slowed as a whole, so its curvature stays.
+    """
+    half_track = footprint.effective_track_ratio * footprint.track_m / 2.0
+    left, right = linear_m_s - yaw_rate_rad_s * half_track, linear_m_s + yaw_rate_rad_s * half_track
+    scale = min(1.0, footprint.max_speed_m_s / max(abs(left), abs(right), 1e-9)) / footprint.wheel_radius_m
+    return left * scale, left * scale, right * scale, right * scale
+
+
+def body_motion(wheel_speed_rad_s: tuple[float, ...], footprint: Footprint) -> Command:
+    """Motion that wheels without slip would give: the inverse of `wheel_speeds`."""
+    left = footprint.wheel_radius_m * (wheel_speed_rad_s[0] + wheel_speed_rad_s[1]) / 2.0
+    right = footprint.wheel_radius_m * (wheel_speed_rad_s[2] + wheel_speed_rad_s[3]) / 2.0
+    return Command((left + right) / 2.0, (right - left) / (footprint.effective_track_ratio * footprint.track_m))
+
+
+def _turn_rate(error_rad: float, footprint: Footprint, limits: Limits) -> float:
+    fastest = min(limits.turn_rate_rad_s, footprint.max_yaw_rate_rad_s)
+    return float(
+        np.copysign(np.clip(1.2 * abs(error_rad), min(limits.least_turn_rate_rad_s, fastest), fastest), error_rad)
+    )
+
+
+def _speed(curvature: float, remaining_m: float, footprint: Footprint, limits: Limits) -> float:
+    cruise = min(limits.cruise_speed_m_s, footprint.max_speed_m_s) * (1.0 - 0.6 * float(np.clip(limits.risk, 0.0, 1.0)))
+    curved = min(1.0, 1.0 / max(abs(curvature) * limits.slow_radius_m, 1e-9))
+    ending = min(1.0, remaining_m / limits.slow_distance_m)
+    # The outer wheels run faster than the body: leave them room, or the curve opens.
+    outer = 1.0 + abs(curvature) * footprint.effective_track_ratio * footprint.track_m / 2.0
+    return min(max(cruise * curved * ending, min(limits.creep_speed_m_s, cruise)), footprint.max_speed_m_s / outer)
+
+
+def _arc_on_path(path_w: FloatArray, position: FloatArray, arc_m: float) -> tuple[float, float]:
+    """Arc length of the path's point nearest to ``position`` and the path's length.
+
+    Only the stretch from 0.3 m behind the last arc to 2 m ahead counts: a path that meets itself is not cut short.
+    """
+    steps = np.diff(path_w, axis=0)
+    lengths = np.linalg.norm(steps, axis=1)
+    starts = np.concatenate([[0.0], np.cumsum(lengths)])
+    if starts[-1] <= 0.0:
+        return 0.0, 0.0
+    along = np.einsum("ij,ij->i", position - path_w[:-1], steps) / np.maximum(lengths, 1e-9)
+    low, high = max(arc_m - 0.3, 0.0), arc_m + 2.0
+    arcs = np.clip(starts[:-1] + np.clip(along, 0.0, lengths), low, max(high, low))
+    arcs = np.minimum(np.maximum(arcs, starts[:-1]), starts[1:])
+    inside = (arcs >= low - 1e-9) & (arcs <= high + 1e-9)
+    nearest = path_w[:-1] + steps * ((arcs - starts[:-1]) / np.maximum(lengths, 1e-9))[:, None]
+    distance = np.where(inside, np.linalg.norm(nearest - position, axis=1), np.inf)
+    return float(arcs[int(np.argmin(distance))]), float(starts[-1])
+
+
+def _point_at(path_w: FloatArray, arc_m: float) -> FloatArray:
+    """Point of the path at an arc length; the last one beyond its end."""
+    if len(path_w) == 1:
+        return np.asarray(path_w[0], dtype=float)
+    arcs = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(path_w, axis=0), axis=1))])
+    return np.array([np.interp(arc_m, arcs, path_w[:, axis]) for axis in (0, 1)])
