@@ -113,7 +113,7 @@ _TABLE = (
         _K,
     ),
     _row("cdt_fgs_dry", (5085.6, 6259.1), (1.42, 0.0), (1.58, 34.1, 22.17), "Project Chrono (RoboSimian)"),
-    _row("soil_direct_90", (0.0, 8.0), (1.46, 0.01), (1.0, 29.0, 21.0), "Pavlov (2024), via a public plug-in"),
+    _row("soil_direct_90", (0.0, 8000.0), (1.46, 0.01), (1.0, 29.0, 21.0), "Pavlov (2024), via a public plug-in"),
 )
 
 PRESETS: Mapping[str, Soil] = MappingProxyType({soil.name: soil for soil in _TABLE})
