@@ -2,16 +2,25 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Literal
 
 import msgspec
+
+from worlds.errors import ScenarioError
+from worlds.strict_toml import check_limits, convert_table, dump_toml, read_table
+
+MAX_CELLS = 6_000_000  # memory and start-up time: eight bytes a cell in every copy of the heights
+MAP_MARGIN_M = 1.0  # start and goal stay this far inside the map, so that a rover fits on it
+
+_SHIPPED = Path(__file__).parent / "scenarios"
 
 
 class _Table(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """A table of a scenario file: a mistyped key is an error."""
 
 
-class Terrain(_Table):
+class Terrain(_Table, frozen=True):
     """Shape of the ground."""
 
     kind: Literal["flat", "slope", "fractal", "dunes", "crater", "dem"] = "fractal"
@@ -19,23 +28,26 @@ class Terrain(_Table):
     resolution_m: float = 0.08
     slope_deg: float = 0.0
     slope_azimuth_deg: float = 0.0
-    roughness_m: float = 0.10
+    roughness_m: float = 0.10  # rms of the fractal part of the kinds fractal, dunes and crater
+    feature_size_m: float = 8.0  # crest distance of dunes, diameter of a crater
+    relief_m: float = 0.6  # crest height of dunes, depth of a crater
     path: str | None = None
     crop_m: tuple[float, float, float, float] | None = None
     resample: Literal["bilinear", "bicubic"] = "bicubic"
     height_range_m: tuple[float, float] | None = None
 
 
-class Rocks(_Table):
+class Rocks(_Table, frozen=True):
     """Random rocks by the size-frequency law."""
 
     cfa: float = 0.05
     min_diameter_m: float = 0.05
     max_diameter_m: float = 1.2
     clear_radius_m: float = 1.5
+    formations: tuple[int, ...] = (0, 1, 2, 3, 4, 5, 6, 7, 8, 9)  # drawn from with equal odds
 
 
-class Obstacle(_Table):
+class Obstacle(_Table, frozen=True):
     """An explicit obstacle."""
 
     kind: Literal["cylinder", "rock"]
@@ -46,13 +58,13 @@ class Obstacle(_Table):
     yaw_deg: float = 0.0
 
 
-class SoilChoice(_Table):
+class SoilChoice(_Table, frozen=True):
     """Which soil the wheels meet."""
 
     preset: str = "mars_sand"
 
 
-class RoverChoice(_Table):
+class RoverChoice(_Table, frozen=True):
     """Which rover, and where it starts."""
 
     model: str = "husky"
@@ -60,7 +72,7 @@ class RoverChoice(_Table):
     heading_deg: float = 0.0
 
 
-class Goal(_Table):
+class Goal(_Table, frozen=True):
     """Where the traverse ends."""
 
     position_m: tuple[float, float] = (20.0, 0.0)
@@ -68,7 +80,7 @@ class Goal(_Table):
     time_limit_s: float = 600.0
 
 
-class Sensors(_Table):
+class Sensors(_Table, frozen=True):
     """Which sensors the rover carries beside the camera."""
 
     gnss: bool = True
@@ -76,7 +88,7 @@ class Sensors(_Table):
     stereo: bool = False
 
 
-class Camera(_Table):
+class Camera(_Table, frozen=True):
     """The rover's camera."""
 
     rate_hz: float = 2.0
@@ -88,14 +100,14 @@ class Camera(_Table):
     noise: float = 1.5  # grey levels, one sigma
 
 
-class Sun(_Table):
+class Sun(_Table, frozen=True):
     """Where the light comes from; azimuth from +x counter-clockwise."""
 
     azimuth_deg: float = 120.0
     elevation_deg: float = 40.0
 
 
-class Origin(_Table):
+class Origin(_Table, frozen=True):
     """Geographic place of the world's x = y = z = 0."""
 
     latitude_deg: float = 38.4064
@@ -103,7 +115,7 @@ class Origin(_Table):
     altitude_m: float = 1380.0
 
 
-class Scenario(_Table):
+class Scenario(_Table, frozen=True):
     """A whole scenario file."""
 
     name: str
@@ -118,3 +130,136 @@ class Scenario(_Table):
     camera: Camera = Camera()
     sun: Sun = Sun()
     origin: Origin = Origin()
+
+
+# Smallest and largest allowed number of every key; a list's numbers share one range.
+LIMITS: dict[str, tuple[float, float]] = {
+    "gravity_m_s2": (0.1, 30.0),
+    "terrain.size_m": (2.0, 5000.0),
+    "terrain.resolution_m": (0.01, 5.0),
+    "terrain.slope_deg": (0.0, 45.0),
+    "terrain.slope_azimuth_deg": (-360.0, 360.0),
+    "terrain.roughness_m": (0.0, 5.0),
+    "terrain.feature_size_m": (1.0, 500.0),
+    "terrain.relief_m": (0.0, 50.0),
+    "terrain.crop_m": (-1e5, 1e5),
+    "terrain.height_range_m": (-1e4, 1e5),
+    "rocks.cfa": (0.0, 0.30),  # more cannot be laid at random without overlap
+    "rocks.min_diameter_m": (0.01, 5.0),
+    "rocks.max_diameter_m": (0.01, 10.0),
+    "rocks.clear_radius_m": (0.0, 100.0),
+    "rocks.formations": (0, 9),
+    "obstacle.position_m": (-1e5, 1e5),
+    "obstacle.radius_m": (0.01, 20.0),
+    "obstacle.height_m": (0.01, 20.0),
+    "obstacle.formation": (0, 9),
+    "obstacle.yaw_deg": (-360.0, 360.0),
+    "rover.start_m": (-1e5, 1e5),
+    "rover.heading_deg": (-360.0, 360.0),
+    "goal.position_m": (-1e5, 1e5),
+    "goal.radius_m": (0.05, 100.0),
+    "goal.time_limit_s": (1.0, 1e6),
+    "camera.rate_hz": (0.1, 30.0),
+    "camera.width": (40, 1920),
+    "camera.height": (40, 1440),
+    "camera.fov_deg": (20.0, 140.0),
+    "camera.pitch_deg": (-30.0, 80.0),
+    "camera.height_m": (0.1, 10.0),
+    "camera.noise": (0.0, 64.0),
+    "sun.azimuth_deg": (-360.0, 360.0),
+    "sun.elevation_deg": (2.0, 90.0),
+    "origin.latitude_deg": (-89.0, 89.0),  # east is undefined at the poles
+    "origin.longitude_deg": (-180.0, 180.0),
+    "origin.altitude_m": (-12000.0, 30000.0),
+}
+
+
+def shipped_scenarios() -> tuple[str, ...]:
+    """Names of the scenarios that come with the package, sorted."""
+    return tuple(sorted(path.stem for path in _SHIPPED.glob("*.toml")))
+
+
+def load_scenario(name_or_path: str) -> Scenario:
+    """The scenario of a shipped name or of a TOML file; ``terrain.path`` comes back absolute.
+
+    Raises `ScenarioError` with one line that names the file, the key, its value and what is allowed.
+    """
+    path = _SHIPPED / f"{name_or_path}.toml" if name_or_path in shipped_scenarios() else Path(name_or_path)
+    if not path.is_file():
+        shipped = ", ".join(shipped_scenarios())
+        raise ScenarioError(f"{name_or_path}: no such scenario file; shipped scenarios are {shipped}")
+    scenario = convert_table(read_table(path), Scenario, str(path))
+    check_scenario(scenario, str(path))
+    return resolve_terrain_path(scenario, path.parent)
+
+
+def dump_scenario(scenario: Scenario) -> str:
+    """The scenario as complete TOML: every key, so that loading it gives an equal scenario."""
+    return dump_toml(scenario)
+
+
+def resolve_terrain_path(scenario: Scenario, base_dir: Path) -> Scenario:
+    """The scenario with ``terrain.path`` taken relative to ``base_dir`` and made absolute."""
+    if scenario.terrain.path is None:
+        return scenario
+    absolute = str((base_dir / scenario.terrain.path).resolve())
+    return msgspec.structs.replace(scenario, terrain=msgspec.structs.replace(scenario.terrain, path=absolute))
+
+
+def check_scenario(scenario: Scenario, source: str) -> None:
+    """Raise a `ScenarioError` that begins with ``source`` for a number out of range or keys at odds."""
+    check_limits(scenario, LIMITS, source)
+    _check_terrain(scenario.terrain, source)
+    rocks = scenario.rocks
+    if rocks.min_diameter_m >= rocks.max_diameter_m:
+        raise ScenarioError(
+            f"{source}: rocks.min_diameter_m = {rocks.min_diameter_m:g}: "
+            f"must be less than rocks.max_diameter_m = {rocks.max_diameter_m:g}"
+        )
+    if not rocks.formations:
+        raise ScenarioError(f"{source}: rocks.formations = []: must name at least one of 0 to 9")
+    if scenario.terrain.kind != "dem":
+        _check_on_map(scenario, source)
+
+
+def _check_terrain(terrain: Terrain, source: str) -> None:
+    if terrain.kind == "dem" and terrain.path is None:
+        raise ScenarioError(f'{source}: terrain.path: this key is required with terrain.kind = "dem"')
+    if terrain.crop_m and (terrain.crop_m[0] >= terrain.crop_m[2] or terrain.crop_m[1] >= terrain.crop_m[3]):
+        raise ScenarioError(
+            f"{source}: terrain.crop_m = {list(terrain.crop_m)}: must be [x0, y0, x1, y1], x0 < x1, y0 < y1"
+        )
+    if terrain.height_range_m and terrain.height_range_m[0] >= terrain.height_range_m[1]:
+        raise ScenarioError(
+            f"{source}: terrain.height_range_m = {list(terrain.height_range_m)}: must be [lowest, highest]"
+        )
+    check_cells(terrain.size_m, terrain.resolution_m, source)
+
+
+def check_cells(size_m: tuple[float, float], resolution_m: float, source: str) -> None:
+    """Raise a `ScenarioError` where a grid of that size would have too many cells, or too few to be a map."""
+    cells = (size_m[0] / resolution_m + 1) * (size_m[1] / resolution_m + 1)
+    if cells > MAX_CELLS:
+        finest = (size_m[0] * size_m[1] / MAX_CELLS) ** 0.5
+        raise ScenarioError(
+            f"{source}: terrain.resolution_m = {resolution_m:g}: a map of {size_m[0]:g} x {size_m[1]:g} m would have "
+            f"{cells:.3g} cells; allowed are {MAX_CELLS:.0e}, so use {finest * 1.05:.2g} m or more"
+        )
+    if min(size_m) / resolution_m < 4:
+        raise ScenarioError(
+            f"{source}: terrain.resolution_m = {resolution_m:g}: must be at most a quarter of the map's "
+            f"shorter side, {min(size_m):g} m"
+        )
+
+
+def _check_on_map(scenario: Scenario, source: str) -> None:
+    """Synthetic maps are centred between start and goal, so only their distance matters."""
+    start, goal = scenario.rover.start_m, scenario.goal.position_m
+    for axis, name in enumerate("xy"):
+        distance = abs(goal[axis] - start[axis])
+        if distance > scenario.terrain.size_m[axis] - 2 * MAP_MARGIN_M:
+            raise ScenarioError(
+                f"{source}: goal.position_m = {list(goal)}: {distance:g} m from rover.start_m along {name}, which is "
+                f"off the map; allowed are {scenario.terrain.size_m[axis] - 2 * MAP_MARGIN_M:g} m "
+                f"(terrain.size_m[{axis}] less {MAP_MARGIN_M:g} m at each end)"
+            )
