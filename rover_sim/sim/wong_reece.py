@@ -1,0 +1,157 @@
+"""The rigid wheel on soft soil in steady motion: Wong-Reece stresses, their integrals and a table of them.
+
+J. Y. Wong and A. R. Reece, J. Terramechanics 4(1) and 4(2), 1967; shear after Janosi and Hanamoto (1961);
+sinkage exponent that grows with slip after Ding et al. (2015). The exit angle is zero.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from math import cos, exp, sin, sqrt, tan
+
+import numpy as np
+from numba import njit
+
+from worlds.soil import Soil
+from worlds.types import FloatArray
+
+_LARGEST_ENTRY_RAD = 1.5  # a wheel sunk to its axle
+_LOADS = 32
+_SLIPS = 41
+GROUSER_SHARE = 0.5  # of the grouser height that adds to the shearing radius
+
+
+@dataclass(frozen=True)
+class WheelShape:
+    """What the soil feels of a wheel."""
+
+    radius_m: float
+    width_m: float
+    grouser_m: float = 0.0
+
+    @property
+    def shear_radius_m(self) -> float:
+        """Radius at which the soil is sheared, between rim and grouser tips."""
+        return self.radius_m + GROUSER_SHARE * self.grouser_m
+
+
+@dataclass(frozen=True)
+class SteadyWheel:
+    """Forces of one wheel in steady motion."""
+
+    thrust_N: float  # forward part of the shear stress
+    resistance_N: float  # backward part of the normal stress
+    torque_Nm: float
+    sinkage_m: float
+    contact_m: float  # length of the arc in the soil
+
+    @property
+    def drawbar_N(self) -> float:
+        """Pull that is left for the rover."""
+        return self.thrust_N - self.resistance_N
+
+
+@dataclass(frozen=True, eq=False)
+class WheelTable:
+    """Steady wheel forces over load and slip; row i is load i^2 and column j slip (j / (columns - 1))^2."""
+
+    values: FloatArray  # (loads, slips, 4): thrust N, resistance N, sinkage m, contact length m
+    load_step: float  # sqrt N between rows
+
+
+@njit(cache=True)
+def _integrals(entry: float, slip: float, p: FloatArray, count: int) -> tuple[float, float, float, float]:
+    """Load, thrust, resistance and torque (N, N, N, N m) for an entry angle; trapezoid of ``count`` points."""
+    stiffness, exponent0, exponent1, cohesion, tan_phi, shear_modulus, a0, a1, radius, width, shear_radius = p
+    exponent = exponent0 + exponent1 * slip
+    peak = min((a0 + a1 * slip) * entry, entry)
+    cos_entry, sin_entry = cos(entry), sin(entry)
+    load = thrust = resistance = torque = 0.0
+    for i in range(count):
+        angle = entry * i / (count - 1)
+        mirror = angle if angle >= peak else entry - angle * (entry - peak) / peak
+        depth = max(radius * (cos(mirror) - cos_entry), 0.0)
+        sigma = stiffness * depth**exponent
+        j = max(shear_radius * ((entry - angle) - (1.0 - slip) * (sin_entry - sin(angle))), 0.0)
+        tau = (cohesion + sigma * tan_phi) * (1.0 - exp(-j / shear_modulus))
+        weight = 0.5 if i in {0, count - 1} else 1.0
+        load += weight * (sigma * cos(angle) + tau * sin(angle))
+        thrust += weight * tau * cos(angle)
+        resistance += weight * sigma * sin(angle)
+        torque += weight * tau
+    scale = radius * width * entry / (count - 1)
+    return load * scale, thrust * scale, resistance * scale, torque * scale * radius
+
+
+@njit(cache=True)
+def _entry_angle(load: float, slip: float, p: FloatArray, count: int) -> float:
+    """Entry angle (rad) at which the soil carries ``load``, by bisection; the largest one if it never does."""
+    low, high = 0.0, _LARGEST_ENTRY_RAD
+    for _ in range(34):
+        middle = 0.5 * (low + high)
+        if _integrals(middle, slip, p, count)[0] < load:
+            low = middle
+        else:
+            high = middle
+    return 0.5 * (low + high)
+
+
+@njit(cache=True)
+def _fill(table: FloatArray, load_step: float, p: FloatArray, count: int) -> None:
+    radius, shear_radius = p[8], p[10]
+    rows, columns = table.shape[0], table.shape[1]
+    for i in range(1, rows):
+        for k in range(columns):
+            slip = (k / (columns - 1)) ** 2
+            entry = _entry_angle((i * load_step) ** 2, slip, p, count)
+            _, thrust, resistance, _ = _integrals(entry, slip, p, count)
+            table[i, k, 0], table[i, k, 1] = thrust, resistance
+            table[i, k, 2] = radius * (1.0 - cos(entry))
+            table[i, k, 3] = shear_radius * entry
+
+
+def _pack(soil: Soil, wheel: WheelShape) -> FloatArray:
+    stiffness = soil.cohesive_modulus / wheel.width_m + soil.frictional_modulus
+    return np.array(
+        [
+            stiffness,
+            soil.sinkage_exponent,
+            soil.sinkage_exponent_slip,
+            soil.cohesion_Pa,
+            tan(soil.friction_angle_rad),
+            soil.shear_modulus_m,
+            soil.stress_peak_offset,
+            soil.stress_peak_slip,
+            wheel.radius_m,
+            wheel.width_m,
+            wheel.shear_radius_m,
+        ]
+    )
+
+
+def steady_wheel(soil: Soil, wheel: WheelShape, load_N: float, slip: float, points: int = 241) -> SteadyWheel:
+    """Forces of a wheel that carries ``load_N`` at ``slip`` (0..1), by a trapezoid of ``points`` over the arc."""
+    p = _pack(soil, wheel)
+    entry = float(_entry_angle(load_N, slip, p, points))
+    _, thrust, resistance, torque = _integrals(entry, slip, p, points)
+    sinkage = wheel.radius_m * (1.0 - cos(entry))
+    return SteadyWheel(thrust, resistance, torque, sinkage, wheel.shear_radius_m * entry)
+
+
+@lru_cache(maxsize=32)
+def wheel_table(soil: Soil, wheel: WheelShape, largest_load_N: float, points: int = 61) -> WheelTable:
+    """Table of the steady wheel up to ``largest_load_N``, computed once for a soil and a wheel."""
+    values = np.zeros((_LOADS, _SLIPS, 4))
+    load_step = sqrt(largest_load_N) / (_LOADS - 1)
+    _fill(values, load_step, _pack(soil, wheel), points)
+    values.flags.writeable = False
+    return WheelTable(values, load_step)
+
+
+def climbing_slip(soil: Soil, wheel: WheelShape, load_N: float, pull_N: float) -> float | None:
+    """Smallest slip at which the drawbar pull reaches ``pull_N``; None where the wheel stalls (no slip <= 0.98)."""
+    for slip in np.arange(0.0, 0.9801, 0.005):
+        if steady_wheel(soil, wheel, load_N, float(slip), 121).drawbar_N >= pull_N:
+            return float(slip)
+    return None
