@@ -1,0 +1,201 @@
+"""The built-in autopilot: modes, arming, mission, fail-safes; believed pose in, wheel speeds out."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from planner.mobility import STOP, Command, Limits, ramp, wheel_speeds
+from rover_sim.autopilot.events import Changed, Event, Reached, Text
+from rover_sim.autopilot.failsafe import Failsafe
+from rover_sim.autopilot.mission import DriveTo, Item, Mission, ReturnHome, TurnTo
+from rover_sim.autopilot.modes import MissionState, Mode, Severity
+from rover_sim.autopilot.parameters import ParameterTable
+from rover_sim.autopilot.runner import MissionRunner
+from worlds.types import Footprint, PoseEstimate, SensorReadings, Vector3
+
+_LONGEST_STEP_S = 0.2  # a pause between two updates must not become a jump in speed
+
+
+class Autopilot:
+    """Drives the rover. `update` is to be called at about 20..60 Hz; everything else between two updates."""
+
+    def __init__(self, footprint: Footprint, home_w: Vector3, parameters: ParameterTable | None = None) -> None:
+        self.footprint = footprint
+        self.home_w = home_w
+        self.parameters = parameters or ParameterTable()
+        self.mode = Mode.HOLD
+        self.armed = False
+        self.auto = MissionRunner(footprint)
+        self.failsafe = Failsafe(footprint)
+        self._guided = MissionRunner(footprint)
+        self._motion = STOP
+        self._time_s: float | None = None
+        self._estimate: PoseEstimate | None = None
+        self._events: list[Event] = []
+
+    def update(self, time_s: float, estimate: PoseEstimate | None, readings: SensorReadings) -> tuple[float, ...]:
+        """Wheel speeds (rad/s; left front, left rear, right front, right rear) to hold until the next update.
+
+        ``estimate`` is None where there is no pose at all; an old one counts as lost after ``FS_POSE_S``.
+        """
+        step_s = 0.0 if self._time_s is None else min(max(time_s - self._time_s, 0.0), _LONGEST_STEP_S)
+        self._time_s = time_s
+        self._estimate = estimate
+        trip = self.failsafe.update(time_s, estimate, readings, self._motion, self.parameters)
+        if trip is not None and self.driving:
+            self._say(trip.severity, f"{trip.text}, hold")
+            self._enter(Mode.HOLD)
+        if not self.armed:
+            self._motion = STOP
+        else:
+            self._motion = ramp(self._motion, self._wanted(time_s, estimate), self._limits(), step_s)
+        return wheel_speeds(self._motion.linear_m_s, self._motion.yaw_rate_rad_s, self.footprint)
+
+    @property
+    def driving(self) -> bool:
+        """Whether the autopilot itself may move the rover now."""
+        return self.armed and self.mode in (Mode.AUTO, Mode.GUIDED, Mode.RETURN)
+
+    @property
+    def motion(self) -> Command:
+        """The motion commanded by the last update."""
+        return self._motion
+
+    def take_events(self) -> tuple[Event, ...]:
+        """What happened since the last call."""
+        events, self._events = tuple(self._events), []
+        return events
+
+    def arm(self) -> str | None:
+        """Arm; the reason if it is refused."""
+        reason = self.prearm_reason()
+        if reason is None and not self.armed:
+            self.armed = True
+            self._say(Severity.INFO, "Armed")
+            self._events.append(Changed())
+            self._resume()
+        elif reason is not None:
+            self._say(Severity.ERROR, f"PreArm: {reason}")
+        return reason
+
+    def prearm_reason(self) -> str | None:
+        """Why the rover cannot be armed now; None if it can."""
+        if self._time_s is None:
+            return "no pose estimate yet"
+        return self.failsafe.unfit(self._time_s, self._estimate, self.parameters)
+
+    def disarm(self) -> None:
+        """Stop the wheels at once and forbid them to turn."""
+        if self.armed:
+            self.armed = False
+            self.auto.pause()
+            self._say(Severity.INFO, "Disarmed")
+            self._events.append(Changed())
+
+    def set_mode(self, number: int) -> str | None:
+        """Change the mode by its number; the reason if it is refused."""
+        try:
+            mode = Mode(number)
+        except ValueError:
+            return f"mode {number} is not available"
+        reason = self._refusal(mode)
+        if reason is not None:
+            self._say(Severity.WARNING, f"{mode.name.title()}: {reason}")
+            return reason
+        if mode is not self.mode:
+            self._enter(mode)
+            if mode is Mode.RETURN:
+                self._guide(ReturnHome())
+            self._resume()
+        return None
+
+    def start_mission(self) -> str | None:
+        """Mode Auto, a complete mission from its beginning; the reason if it is refused."""
+        reason = self.set_mode(Mode.AUTO)
+        if reason is None:
+            if self.auto.state is MissionState.COMPLETE:
+                self.auto.load(self.auto.mission)
+            self._resume()
+            self._events.append(Changed())
+        return reason
+
+    def set_mission(self, mission: Mission, current: int | None = None) -> None:
+        """Replace the mission. In mode Auto and armed the rover goes on with the new one at once."""
+        self.auto.load(mission, current)
+        self._resume()
+        self._events.append(Changed())
+
+    def set_current(self, index: int) -> bool:
+        """Make a mission item the current one; False if there is no such item."""
+        found = self.auto.jump(index)
+        if found:
+            self._resume()
+            self._events.append(Changed())
+        return found
+
+    def goto(self, position_w: Vector3) -> str | None:
+        """Mode Guided and drive to a place in a straight line; the reason if it is refused."""
+        return self._guided_to(DriveTo(position_w))
+
+    def turn(self, heading_rad: float, *, relative: bool = False) -> str | None:
+        """Mode Guided and turn on the spot; the reason if it is refused."""
+        return self._guided_to(TurnTo(heading_rad, relative))
+
+    def set_speed(self, speed_m_s: float) -> None:
+        """Cruise at this speed on what is being driven now."""
+        self.auto.set_speed(speed_m_s)
+        self._guided.set_speed(speed_m_s)
+
+    def _guided_to(self, item: Item) -> str | None:
+        reason = self.set_mode(Mode.GUIDED)
+        if reason is None:
+            self._guide(item)
+        return reason
+
+    def _guide(self, item: Item) -> None:
+        self._guided.load(Mission((item,)))
+        self._guided.start()
+
+    def _refusal(self, mode: Mode) -> str | None:
+        if mode is Mode.AUTO and self.auto.mission.empty:
+            return "no mission"
+        if mode in (Mode.AUTO, Mode.GUIDED, Mode.RETURN):
+            return self.prearm_reason()
+        return None
+
+    def _enter(self, mode: Mode) -> None:
+        if self.mode is Mode.AUTO:
+            self.auto.pause()
+        self._guided.load(Mission())
+        self.mode = mode
+        self.failsafe.reset()
+        self._events.append(Changed())
+
+    def _resume(self) -> None:
+        """In mode Auto an armed rover drives what is left of its mission."""
+        if self.mode is Mode.AUTO and self.armed and self.auto.state is not MissionState.COMPLETE:
+            self.auto.start()
+
+    def _wanted(self, time_s: float, estimate: PoseEstimate | None) -> Command:
+        if estimate is None or not self.driving:
+            return STOP
+        runner = self.auto if self.mode is Mode.AUTO else self._guided
+        before = runner.current, runner.state
+        command, reached = runner.step(time_s, estimate, self._limits(), self.home_w)
+        if runner is self.auto:
+            self._events.extend(Reached(index) for index in reached)
+            if (runner.current, runner.state) != before:
+                self._events.append(Changed())
+            if runner.state is MissionState.COMPLETE is not before[1]:
+                self._say(Severity.INFO, "Mission complete")
+        return command
+
+    def _limits(self) -> Limits:
+        return Limits(
+            cruise_speed_m_s=self.parameters["CRUISE_SPEED"],
+            turn_rate_rad_s=float(np.deg2rad(self.parameters["TURN_RATE"])),
+            arrival_radius_m=self.parameters["WP_RADIUS"],
+        )
+
+    def _say(self, severity: Severity, text: str) -> None:
+        self._events.append(Text(severity, text))

@@ -1,0 +1,91 @@
+"""Fail-safes: reasons to stop driving by itself, from what the rover believes and what its wheels report."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from planner.mobility import Command
+from planner.monitor import Advice, MonitorLimits, MonitorState, resume, tilt, watch
+from rover_sim.autopilot.modes import Severity
+from rover_sim.autopilot.parameters import ParameterTable
+from worlds.types import Footprint, PoseEstimate, SensorReadings
+
+
+@dataclass(frozen=True)
+class Trip:
+    """A fail-safe has tripped: the autopilot goes to Hold and says why."""
+
+    severity: Severity
+    text: str
+
+
+class Failsafe:
+    """Watches pose, tilt, slip and progress; one instance lives as long as its autopilot."""
+
+    def __init__(self, footprint: Footprint) -> None:
+        self.monitor = MonitorState()
+        self._footprint = footprint
+        self._tilted_since_s: float | None = None
+
+    def reset(self) -> None:
+        """Forget what has built up: a new task gets its full time and its full wheel revolution."""
+        self.monitor = resume(self.monitor)
+        self._tilted_since_s = None
+
+    def unfit(self, time_s: float, estimate: PoseEstimate | None, parameters: ParameterTable) -> str | None:
+        """Why the rover must not begin to drive by itself now; None if it may."""
+        reason = _pose_fault(time_s, estimate, parameters)
+        if reason is None and estimate is not None and tilt(estimate) > np.deg2rad(parameters["FS_TILT_DEG"]):
+            return f"tilted by {np.rad2deg(tilt(estimate)):.0f} deg"
+        return reason
+
+    def update(
+        self,
+        time_s: float,
+        estimate: PoseEstimate | None,
+        readings: SensorReadings,
+        commanded: Command,
+        parameters: ParameterTable,
+    ) -> Trip | None:
+        """The fail-safe that is tripped now, if any; to be called at every control step."""
+        fault = _pose_fault(time_s, estimate, parameters)
+        if fault is not None or estimate is None:
+            return Trip(Severity.CRITICAL, f"Pose lost: {fault}")
+        limits = MonitorLimits(
+            slip=parameters["FS_SLIP_PCT"] / 100.0 if parameters["FS_SLIP_ENABLE"] else float("inf"),
+            tilt_rad=float(np.deg2rad(parameters["FS_TILT_DEG"])),
+            stuck_time_s=parameters["FS_STUCK_S"],
+        )
+        wheels = readings.wheel_speed_rad_s
+        self.monitor, advice = watch(self.monitor, estimate, wheels, commanded, self._footprint, limits)
+        return self._judge(time_s, estimate, advice, parameters)
+
+    def _judge(self, time_s: float, estimate: PoseEstimate, advice: Advice, parameters: ParameterTable) -> Trip | None:
+        if advice is Advice.TILT:
+            since = self._tilted_since_s = time_s if self._tilted_since_s is None else self._tilted_since_s
+            if time_s - since < parameters["FS_TILT_S"]:
+                return None
+            return Trip(Severity.CRITICAL, f"Tilt {np.rad2deg(tilt(estimate)):.0f} deg")
+        self._tilted_since_s = None
+        if advice is Advice.SLIP_STOP:
+            return Trip(Severity.CRITICAL, f"Slip stop: slip {100.0 * self.monitor.slip:.0f} %")
+        if advice is Advice.STUCK:
+            return Trip(Severity.ERROR, f"Stuck: no progress for {parameters['FS_STUCK_S']:.0f} s")
+        return None
+
+
+def _pose_fault(time_s: float, estimate: PoseEstimate | None, parameters: ParameterTable) -> str | None:
+    """Why the pose cannot be trusted; comparisons are written so that NaN fails them."""
+    if estimate is None:
+        return "no pose estimate"
+    pose = estimate.pose
+    if not (np.all(np.isfinite(pose.position_w)) and np.all(np.isfinite(pose.quaternion_w))):
+        return "pose estimate is not finite"
+    age_s = time_s - estimate.time_s
+    if not age_s <= parameters["FS_POSE_S"]:
+        return f"pose estimate is {age_s:.1f} s old"
+    if not estimate.position_sd_m <= parameters["FS_POSE_M"]:
+        return f"position uncertain by {estimate.position_sd_m:.1f} m"
+    return None

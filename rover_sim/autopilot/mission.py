@@ -1,0 +1,77 @@
+"""Missions: typed items in world coordinates, and what the autopilot can do with them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from worlds.types import Vector3
+
+
+@dataclass(frozen=True)
+class Home:
+    """The home position in the item list: kept for the numbering, never driven to."""
+
+    position_w: Vector3
+
+
+@dataclass(frozen=True)
+class DriveTo:
+    """Drive to a place and wait there for ``hold_s``; ``radius_m`` 0 means the autopilot's own radius."""
+
+    position_w: Vector3
+    hold_s: float = 0.0
+    radius_m: float = 0.0
+
+
+@dataclass(frozen=True)
+class TurnTo:
+    """Turn on the spot to a heading (from +x counter-clockwise), or by an angle if ``relative``."""
+
+    heading_rad: float
+    relative: bool = False
+
+
+@dataclass(frozen=True)
+class SetSpeed:
+    """Cruise at this speed from here on."""
+
+    speed_m_s: float
+
+
+@dataclass(frozen=True)
+class SetReverse:
+    """Drive with the rear (or again the front) first from here on."""
+
+    reverse: bool
+
+
+@dataclass(frozen=True)
+class Wait:
+    """Stand still for a while."""
+
+    duration_s: float
+
+
+@dataclass(frozen=True)
+class ReturnHome:
+    """Drive to the home position in a straight line."""
+
+
+Item = Home | DriveTo | TurnTo | SetSpeed | SetReverse | Wait | ReturnHome
+
+
+@dataclass(frozen=True)
+class Mission:
+    """An item list; indices are those that its sender gave, home included if the sender put it first."""
+
+    items: tuple[Item, ...] = ()
+
+    @property
+    def first(self) -> int:
+        """Index of the first item to execute: 1 behind a leading home, else 0."""
+        return 1 if self.items and isinstance(self.items[0], Home) else 0
+
+    @property
+    def empty(self) -> bool:
+        """Whether there is nothing to execute."""
+        return len(self.items) <= self.first
