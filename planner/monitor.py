@@ -1,0 +1,139 @@
+"""Watching the drive: slip per side, tilt and progress, and what to do about them.
+
+The slip stop of 40 % within one wheel revolution is that of the Mars Exploration Rovers.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from enum import StrEnum
+
+import numpy as np
+
+from planner.mobility import Command, body_motion
+from worlds.geometry import euler_from_quaternion, rotation_from_quaternion
+from worlds.types import Footprint, PoseEstimate
+
+
+class Advice(StrEnum):
+    """What the monitor asks for; the gravest first."""
+
+    TILT = "tilt"  # stop: the rover leans too far
+    SLIP_STOP = "slip_stop"  # stop: the wheels dig
+    STUCK = "stuck"  # told to move, and does not
+    NONE = "none"
+
+
+@dataclass(frozen=True)
+class MonitorLimits:
+    """When the monitor speaks up."""
+
+    slip: float = 0.40
+    slip_revolutions: float = 1.0  # wheel travel at that slip, in revolutions
+    tilt_rad: float = float(np.deg2rad(30.0))
+    stuck_time_s: float = 6.0
+    stuck_distance_m: float = 0.10
+    stuck_turn_rad: float = 0.10
+    least_wheel_speed_m_s: float = 0.05  # slower wheels say nothing of slip
+    smoothing_m: float = 0.25  # wheel travel over which slip is averaged
+
+
+@dataclass(frozen=True)
+class MonitorState:
+    """What the monitor remembers; the slips are averages over the last wheel travel."""
+
+    time_s: float = 0.0
+    slip: float = 0.0  # of the body
+    slip_left: float = 0.0
+    slip_right: float = 0.0
+    slipping_m: float = 0.0  # wheel travel since slip went over the limit
+    anchor: tuple[float, float, float] | None = None  # place and heading of the last progress
+    anchor_time_s: float = 0.0
+
+
+def watch(
+    state: MonitorState,
+    estimate: PoseEstimate,
+    wheel_speed_rad_s: tuple[float, ...],
+    command: Command,
+    footprint: Footprint,
+    limits: MonitorLimits | None = None,
+) -> tuple[MonitorState, Advice]:
+    """The state after one look at motion and wheels, and the advice."""
+    limits = limits or MonitorLimits()
+    step = max(estimate.time_s - state.time_s, 0.0)
+    slipped = _slip(state, estimate, wheel_speed_rad_s, footprint, limits, step)
+    moved = _progress(slipped, estimate, command, limits)
+    after = replace(moved, time_s=estimate.time_s)
+    if tilt(estimate) > limits.tilt_rad:
+        return after, Advice.TILT
+    if after.slipping_m > limits.slip_revolutions * 2.0 * np.pi * footprint.wheel_radius_m:
+        return after, Advice.SLIP_STOP
+    if estimate.time_s - after.anchor_time_s > limits.stuck_time_s:
+        return after, Advice.STUCK
+    return after, Advice.NONE
+
+
+def resume(state: MonitorState) -> MonitorState:
+    """The state after the rover was stopped and set to do something else: old slip and standstill are forgotten."""
+    return MonitorState(time_s=state.time_s, anchor_time_s=state.time_s)
+
+
+def tilt(estimate: PoseEstimate) -> float:
+    """Angle between the body's up axis and the vertical, radians."""
+    return float(np.arccos(np.clip(rotation_from_quaternion(estimate.pose.quaternion_w)[2, 2], -1.0, 1.0)))
+
+
+def side_speeds(estimate: PoseEstimate, footprint: Footprint) -> tuple[float, float, float]:
+    """Believed speed along x of the body, and of its left and right wheel rows over the ground."""
+    forward = rotation_from_quaternion(estimate.pose.quaternion_w)[:, 0]
+    speed = float(estimate.velocity_w @ forward)
+    # Skidding is part of turning, no slip stop: sides are judged by the effective track.
+    turn = estimate.yaw_rate_rad_s * footprint.effective_track_ratio * footprint.track_m / 2.0
+    return speed, speed - turn, speed + turn
+
+
+def _slip(
+    state: MonitorState,
+    estimate: PoseEstimate,
+    wheels: tuple[float, ...],
+    footprint: Footprint,
+    limits: MonitorLimits,
+    step: float,
+) -> MonitorState:
+    """Averages of slip = 1 - true over wheel speed, and the wheel travel spent above the limit."""
+    body, left, right = side_speeds(estimate, footprint)
+    radius = footprint.wheel_radius_m
+    wheel_left, wheel_right = radius * (wheels[0] + wheels[1]) / 2.0, radius * (wheels[2] + wheels[3]) / 2.0
+    mean = body_motion(wheels, footprint).linear_m_s
+    travel = float(np.mean(np.abs(wheels))) * radius * step
+    share = 1.0 - float(np.exp(-travel / limits.smoothing_m))
+    least = limits.least_wheel_speed_m_s
+    slip = _blend(state.slip, body, mean, share, least)
+    slipping = state.slipping_m + travel if slip > limits.slip and abs(mean) > least else 0.0
+    return replace(
+        state,
+        slip=slip,
+        slip_left=_blend(state.slip_left, left, wheel_left, share, least),
+        slip_right=_blend(state.slip_right, right, wheel_right, share, least),
+        slipping_m=slipping if travel > 0.0 else state.slipping_m,
+    )
+
+
+def _blend(old: float, true_speed: float, wheel_speed: float, share: float, least: float) -> float:
+    if abs(wheel_speed) < least:
+        return old * (1.0 - share)
+    return old + share * (float(np.clip(1.0 - true_speed / wheel_speed, -1.0, 1.5)) - old)
+
+
+def _progress(state: MonitorState, estimate: PoseEstimate, command: Command, limits: MonitorLimits) -> MonitorState:
+    """Moves the anchor when the rover got on, turned, or was not asked to."""
+    x, y = (float(value) for value in estimate.pose.position_w[:2])
+    here = (x, y, euler_from_quaternion(estimate.pose.quaternion_w)[2])
+    asked = abs(command.linear_m_s) > 0.02 or abs(command.yaw_rate_rad_s) > 0.02
+    if state.anchor is not None and asked:
+        moved = float(np.hypot(x - state.anchor[0], y - state.anchor[1]))
+        turned = abs((here[2] - state.anchor[2] + np.pi) % (2 * np.pi) - np.pi)
+        if moved < limits.stuck_distance_m and turned < limits.stuck_turn_rad:
+            return state
+    return replace(state, anchor=here, anchor_time_s=estimate.time_s)
