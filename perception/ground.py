@@ -1,0 +1,98 @@
+"""Between pixels and the ground that the rover believes it stands on.
+
+A picture row maps to a ground distance that grows as the ray gets flatter; rows per metre fall as one over the
+distance squared (the 2004 paper, section 3, on the compression of the obstacle map).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from perception.camera import rays_w
+from worlds.types import CameraModel, FloatArray, GroundPlane, Pose
+
+
+def height_over(plane: GroundPlane, points_w: FloatArray) -> FloatArray:
+    """Height (...,) of points (..., 3) over the plane, along its normal, in metres."""
+    return np.asarray((np.asarray(points_w, dtype=float) - plane.point_w) @ plane.normal_w)
+
+
+def ground_points(camera: CameraModel, camera_pose: Pose, plane: GroundPlane, pixels: FloatArray) -> FloatArray:
+    """World points (..., 3) where the rays of ``pixels`` (..., 2) meet the plane; NaN at and above the horizon."""
+    rays = rays_w(camera, camera_pose, pixels)
+    fall = -(rays @ plane.normal_w)
+    distance = float(height_over(plane, camera_pose.position_w)) / np.where(fall > 1e-9, fall, np.nan)
+    return np.asarray(camera_pose.position_w + np.where(distance > 0, distance, np.nan)[..., None] * rays)
+
+
+def depression_rad(camera: CameraModel, camera_pose: Pose, plane: GroundPlane, pixels: FloatArray) -> FloatArray:
+    """Angle (...,) of the rays of ``pixels`` (..., 2) below the plane's horizon, in radians."""
+    rays = rays_w(camera, camera_pose, pixels)
+    return np.asarray(np.arcsin(-(rays @ plane.normal_w) / np.linalg.norm(rays, axis=-1)))
+
+
+def horizon_rows(
+    camera: CameraModel, camera_pose: Pose, plane: GroundPlane, columns: FloatArray, dip_rad: float = 0.0
+) -> FloatArray:
+    """Picture rows (N,) of the plane's horizon at ``columns`` (N,); ground lies below (greater rows).
+
+    ``dip_rad`` lowers the line by that depression angle, to first order: what lies above it is too far to judge.
+    """
+    # The fall of a ray is linear in (column, row): two probes give the line where it equals tan(dip).
+    base, down = rays_w(camera, camera_pose, np.array([[0.0, 0.0], [0.0, 1.0]])) @ plane.normal_w
+    right = rays_w(camera, camera_pose, np.array([1.0, 0.0])) @ plane.normal_w - base
+    return np.asarray((-np.tan(dip_rad) - base - right * np.asarray(columns, dtype=float)) / (down - base))
+
+
+def ground_range(camera_pose: Pose, plane: GroundPlane, points_w: FloatArray) -> FloatArray:
+    """Distance (...,) along the plane from the foot of the camera to points (..., 3), in metres."""
+    offset = np.asarray(points_w, dtype=float) - camera_pose.position_w
+    along = offset - (offset @ plane.normal_w)[..., None] * plane.normal_w
+    return np.asarray(np.linalg.norm(along, axis=-1))
+
+
+def range_sd(
+    range_m: FloatArray, camera_height_m: float, pixel_sd_rad: float, attitude_sd_rad: float, ground_sd_m: float
+) -> FloatArray:
+    """One sigma (...,) of the ground range along the line of sight, in metres.
+
+    With range r = h / tan(d) an angle error e moves the point by e (h^2 + r^2) / h, and ground that is higher or
+    lower than believed by s moves it by s r / h, the height error over the grazing slope.
+    """
+    r = np.asarray(range_m, dtype=float)
+    angle = np.hypot(pixel_sd_rad, attitude_sd_rad) * (camera_height_m**2 + r**2) / camera_height_m
+    return np.asarray(np.hypot(angle, ground_sd_m * r / camera_height_m))
+
+
+def window_centres(
+    camera: CameraModel, camera_pose: Pose, plane: GroundPlane, shape: tuple[int, int], max_range_m: float
+) -> FloatArray:
+    """Ground x, y (rows, columns, 2) under the centres of ``shape`` windows; NaN in the sky and beyond the range."""
+    rows = (np.arange(shape[0]) + 0.5) * camera.height_px / shape[0]
+    columns = (np.arange(shape[1]) + 0.5) * camera.width_px / shape[1]
+    pixels = np.stack(np.meshgrid(columns, rows), axis=-1)
+    points = ground_points(camera, camera_pose, plane, pixels)
+    near = ground_range(camera_pose, plane, points) <= max_range_m
+    return np.asarray(np.where(near[..., None], points[..., :2], np.nan))
+
+
+def footprint(
+    camera: CameraModel, camera_pose: Pose, plane: GroundPlane, max_range_m: float, columns: int = 9
+) -> FloatArray:
+    """Outline (N, 2) of the ground in view up to ``max_range_m``, counter-clockwise; empty without ground."""
+    across = np.linspace(0.0, camera.width_px, columns)
+    near = ground_points(
+        camera, camera_pose, plane, np.column_stack([across, np.full(columns, float(camera.height_px))])
+    )
+    if np.isnan(near).any() or height_over(plane, camera_pose.position_w) <= 0:
+        return np.empty((0, 2))
+    foot = camera_pose.position_w - height_over(plane, camera_pose.position_w) * plane.normal_w
+    top_pixels = np.column_stack([across, np.zeros(columns)])
+    rays = rays_w(camera, camera_pose, top_pixels)
+    direction = rays - (rays @ plane.normal_w)[:, None] * plane.normal_w
+    direction /= np.linalg.norm(direction, axis=-1, keepdims=True)
+    top_range = ground_range(camera_pose, plane, ground_points(camera, camera_pose, plane, top_pixels))
+    reach = np.fmin(np.where(np.isnan(top_range), max_range_m, top_range), max_range_m)
+    far = foot + reach[:, None] * direction
+    # Seen from above: along the near edge from left to right, then back along the far edge.
+    return np.concatenate([near, far[::-1]])[:, :2]

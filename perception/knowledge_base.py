@@ -1,0 +1,192 @@
+"""What the perception knows of rocks, soil and terrain: strict TOML files, decoded once and frozen.
+
+``rendered`` (the simulator's camera) and ``mars`` (pictures of real rovers) ship in ``perception/knowledge``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from worlds.errors import InputError
+from worlds.fuzzy import RuleBase, rule_base
+from worlds.strict_toml import Limits, check_limits, convert_table, read_table
+
+ROCK_INPUTS = ("contrast", "energy", "variance", "area", "strength")
+TERRAIN_INPUTS = ("fine", "coarse", "cover", "big", "unseen")
+CUE_NAMES = ("lightness", "green_red", "blue_yellow", "roughness")
+LIMITS: Limits = {
+    "soil.window_px": (1, 99),
+    "soil.smooth_percentile": (0.0, 100.0),
+    "soil.dark_percentile": (0.0, 100.0),
+    "soil.bright_percentile": (0.0, 100.0),
+    "soil.gradient_percentile": (0.0, 100.0),
+    "soil.gradient_floor": (1e-3, 100.0),
+    "binarization.blur_px": (0.1, 20.0),
+    "binarization.roughness_window_px": (1, 99),
+    "binarization.threshold": (0.0, 1.0),
+    "binarization.threshold_span": (0.0, 1.0),
+    "binarization.close_px": (1, 99),
+    "binarization.open_px": (1, 99),
+    "binarization.min_area_px": (1, 76800),
+    "ground.max_range_m": (0.1, 1e4),
+    "ground.horizon_dip_deg": (0.0, 45.0),
+    "rock.min_certainty": (0.0, 1.0),
+    "rock.round_ratio": (1.0, 100.0),
+}
+
+
+class _Table(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """A table of a knowledge file: a mistyped key is an error."""
+
+
+class SoilKnowledge(_Table, frozen=True):
+    """How the soil of a picture is found: smooth, neither darkest nor brightest (percentiles)."""
+
+    window_px: int = 9
+    smooth_percentile: float = 40.0
+    dark_percentile: float = 5.0
+    bright_percentile: float = 98.0
+    gradient_percentile: float = 20.0
+    gradient_floor: float = 0.2
+
+
+class Cue(_Table, frozen=True):
+    """Evidence for rock against one measure: straight lines between the knots, flat beyond the outer ones."""
+
+    value: tuple[float, ...]
+    evidence: tuple[float, ...]
+
+
+class RockCues(_Table, frozen=True):
+    """Additive evidence; score = logistic(bias + sum). Lightness and the two colours are CIE Lab minus the soil's."""
+
+    bias: float
+    lightness: Cue
+    green_red: Cue
+    blue_yellow: Cue
+    roughness: Cue  # mean gradient over the soil's own
+
+
+class Binarization(_Table, frozen=True):
+    """From the picture to rock pixels; lengths in pixels of the working picture."""
+
+    blur_px: float = 1.0
+    roughness_window_px: int = 9
+    threshold: float = 0.45  # of the score, where a window gives no optimum of its own
+    threshold_span: tuple[float, float] = (0.3, 0.6)  # an optimum outside is pulled to the nearer end
+    spread: float = 0.15  # a window whose score deviates less has no two classes
+    edge_low: float = 40.0
+    edge_high: float = 110.0
+    edge_score: float = 0.3  # an edge pixel beside rock with at least this score closes the outline
+    close_px: int = 5
+    open_px: int = 5
+    min_area_px: int = 80
+
+
+class Shadow(_Table, frozen=True):
+    """Cast shadow: dark soil. Below ``lightness_ratio`` of its lightness, of its hue, and smooth."""
+
+    lightness_ratio: float  # of the soil's lightness; 0 switches the rule off
+    blue_shift: tuple[float, float]  # allowed b* minus the b* of soil darkened by the same ratio
+    red_shift: tuple[float, float]  # the same for a*
+    max_texture: float  # 3x3 standard deviation of lightness over its mean
+
+
+class Sky(_Table, frozen=True):
+    """Sky without a known attitude: a smooth region that reaches the top and is brighter than the lower half."""
+
+    max_gradient: float = 0.6
+    brighter: float = 4.0
+    min_share: float = 0.01
+
+
+class GroundKnowledge(_Table, frozen=True):
+    """How far and how well the ground is known."""
+
+    max_range_m: float = 10.0
+    horizon_dip_deg: float = 2.0  # what is closer to the horizon is too far to judge
+    pixel_sd: float = 0.7
+    attitude_sd_deg: float = 0.5
+    ground_sd_m: float = 0.03
+
+
+class RockKnowledge(_Table, frozen=True):
+    """When a blob counts as a rock, and how its shape is read."""
+
+    min_certainty: float = 0.4
+    round_ratio: float = 1.25  # extents that differ by less: formation 0
+    big_extent_px: float = 20.0  # a blob this long is big rock to the terrain classes
+
+
+class _File(_Table, frozen=True):
+    name: str
+    soil: SoilKnowledge
+    cues: RockCues
+    binarization: Binarization
+    shadow: Shadow
+    sky: Sky
+    ground: GroundKnowledge
+    rock: RockKnowledge
+
+
+@dataclass(frozen=True)
+class Knowledge:
+    """A whole knowledge file with its two rule bases."""
+
+    name: str
+    soil: SoilKnowledge
+    cues: RockCues
+    binarization: Binarization
+    shadow: Shadow
+    sky: Sky
+    ground: GroundKnowledge
+    rock: RockKnowledge
+    rock_rules: RuleBase
+    terrain_rules: RuleBase
+
+
+def load_knowledge(name_or_path: str | Path) -> Knowledge:
+    """Knowledge of a shipped name (``mars``, ``rendered``) or of a TOML file.
+
+    Raises InputError naming the file, the key and what is allowed.
+    """
+    path = Path(name_or_path)
+    if path.suffix != ".toml":
+        shipped = Path(__file__).parent / "knowledge"
+        path = shipped / f"{name_or_path}.toml"
+        if not path.is_file():
+            names = ", ".join(sorted(p.stem for p in shipped.glob("*.toml")))
+            raise InputError(f"knowledge {str(name_or_path)!r} is not shipped; allowed are {names} or a .toml file")
+    return _decode(read_table(path), str(path))
+
+
+def _decode(table: dict[str, Any], source: str) -> Knowledge:
+    rules = {key: table.pop(key, {}) for key in ("rock_rules", "terrain_rules")}
+    plain = convert_table(table, _File, source)
+    check_limits(plain, LIMITS, source)
+    for name in CUE_NAMES:
+        _check_cue(getattr(plain.cues, name), f"{source}: cues.{name}")
+    return Knowledge(
+        **{field: getattr(plain, field) for field in plain.__struct_fields__},
+        rock_rules=_rules(rules["rock_rules"], f"{source}: rock_rules", ROCK_INPUTS),
+        terrain_rules=_rules(rules["terrain_rules"], f"{source}: terrain_rules", TERRAIN_INPUTS),
+    )
+
+
+def _check_cue(cue: Cue, source: str) -> None:
+    rising = all(a < b for a, b in pairwise(cue.value))
+    if len(cue.value) != len(cue.evidence) or len(cue.value) < 2 or not rising:
+        raise InputError(f"{source}: value must rise and be as long as evidence, two knots or more")
+
+
+def _rules(table: Any, source: str, allowed: tuple[str, ...]) -> RuleBase:
+    base = rule_base(table if isinstance(table, dict) else {}, source)
+    for name in base.input_names:
+        if name not in allowed:
+            raise InputError(f"{source}: unknown input {name!r}; allowed are {', '.join(allowed)}")
+    return base

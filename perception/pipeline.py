@@ -1,0 +1,159 @@
+"""Frame to Perception: the ten steps of the 2004 paper (Table 1, steps 1 to 8) in order, and nowhere else.
+
+Low-pass, binarise, blobs, texture, fuzzy rock certainty, moments, geometry, place on the ground; and the six-class
+grid of the windows. Steps 9 and 10, the paths, belong to the planner.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from perception.binarize import Binarized, SingleArray, binarize
+from perception.blobs import Blobs, find_blobs, select
+from perception.ground import footprint, horizon_rows, window_centres
+from perception.knowledge_base import Knowledge, load_knowledge
+from perception.rock_classifier import blob_features, rock_certainty
+from perception.rock_geometry import RockOutlines, outlines
+from perception.rock_placement import View, place_rocks
+from perception.soil_reference import sky_mask, soil_reference
+from perception.terrain_class import classify, window_features
+from worlds.types import BoolArray, ByteArray, Frame, IntArray, Observation, PerceivedRock
+
+__all__ = ["ImageRock", "Knowledge", "Perception", "load_knowledge", "perceive"]
+
+WORKING_SIZE_PX = (320, 240)  # width, height; the paper's picture
+_BLACK = 2  # grey levels up to which a pixel is missing data
+
+
+@dataclass(frozen=True)
+class ImageRock:
+    """A rock as it lies in the working picture; pixel centres at +0.5, angles counter-clockwise as seen."""
+
+    id: int  # its value in `Perception.labels`
+    centroid_px: tuple[float, float]  # column, row
+    bbox_px: tuple[int, int, int, int]  # x, y, width, height
+    area_px: int
+    certainty: float  # 0..1
+    formation: int  # 0..9
+    axis_rad: float  # of the first principal axis, in [0, pi)
+    length_px: float  # along it
+    sections_px: tuple[float, ...]  # A0..A8 across it
+    touches_border: bool
+    placed: PerceivedRock | None  # on the ground; None without a camera pose or out of range
+
+
+@dataclass(frozen=True, eq=False)
+class Perception:
+    """What one picture shows, in pixels of the working picture."""
+
+    scale: tuple[float, float]  # input pixels per working pixel, across and down
+    score: SingleArray  # (240, 320) rock evidence 0..1
+    mask: BoolArray  # (240, 320) accepted rock
+    labels: IntArray  # (240, 320) rock id, 0 = none
+    hidden: BoolArray  # (240, 320) sky, beyond the horizon, or no data
+    rocks: tuple[ImageRock, ...]
+    classes: NDArray[np.str_]  # (12, 16) letters of TerrainClass, top row first
+    observation: Observation | None
+
+
+def perceive(frame: Frame, knowledge: Knowledge) -> Perception:
+    """Rocks and terrain classes of one frame; without camera pose and ground there is no observation."""
+    picture = working_picture(frame.image)
+    scale = (frame.image.shape[1] / WORKING_SIZE_PX[0], frame.image.shape[0] / WORKING_SIZE_PX[1])
+    view = None
+    if frame.camera_pose is not None and frame.ground is not None:
+        view = View(frame.camera, frame.camera_pose, frame.ground)
+    lab, grey = smoothed(picture, knowledge.binarization.blur_px)
+    hidden = hidden_mask(picture, lab, view, scale, knowledge)
+    found = binarize(lab, grey, soil_reference(lab, hidden, knowledge.soil), hidden, knowledge)
+    raw_grey = picture if picture.ndim == 2 else np.asarray(cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY), dtype=np.uint8)
+    blobs, certainty = classify_blobs(raw_grey, found, knowledge)
+    shape = outlines(blobs, knowledge.rock.round_ratio)
+    placed: list[PerceivedRock | None] = [None] * len(blobs)
+    if view:
+        placed = place_rocks(view, shape, certainty, scale, knowledge.ground)
+    mask = blobs.labels > 0
+    features = window_features(raw_grey, mask, big_rock(blobs, shape, knowledge.rock.big_extent_px), hidden)
+    classes = classify(features, knowledge.terrain_rules)
+    observation = _observation(frame.time_s, view, placed, classes, knowledge) if view else None
+    rocks = _image_rocks(blobs, shape, certainty, placed)
+    return Perception(scale, found.score, mask, blobs.labels, hidden, rocks, classes, observation)
+
+
+def working_picture(image: ByteArray) -> ByteArray:
+    """``image``, grey (H, W) or RGB (H, W, 3), at the working size."""
+    if (image.shape[1], image.shape[0]) == WORKING_SIZE_PX:
+        return np.ascontiguousarray(image)
+    larger = image.shape[1] >= WORKING_SIZE_PX[0] and image.shape[0] >= WORKING_SIZE_PX[1]
+    how = cv2.INTER_AREA if larger else cv2.INTER_LINEAR
+    return np.asarray(cv2.resize(image, WORKING_SIZE_PX, interpolation=how), dtype=np.uint8)
+
+
+def smoothed(picture: ByteArray, blur_px: float) -> tuple[SingleArray, ByteArray]:
+    """CIE Lab (H, W, 3) and 8-bit grey (H, W) of the low-passed picture."""
+    colour = picture if picture.ndim == 3 else cv2.cvtColor(picture, cv2.COLOR_GRAY2RGB)
+    single = cv2.GaussianBlur(colour.astype(np.float32) * np.float32(1.0 / 255.0), (0, 0), blur_px)
+    grey = cv2.cvtColor(single, cv2.COLOR_RGB2GRAY) * np.float32(255.0)
+    lab = cv2.cvtColor(single, cv2.COLOR_RGB2LAB)
+    return np.asarray(lab, dtype=np.float32), np.asarray(grey, dtype=np.uint8)
+
+
+def hidden_mask(
+    picture: ByteArray, lab: SingleArray, view: View | None, scale: tuple[float, float], know: Knowledge
+) -> BoolArray:
+    """Pixels (H, W) that show no ground near enough to judge: black, sky, or above the (dipped) horizon."""
+    hidden = (picture if picture.ndim == 2 else picture.max(axis=2)) <= _BLACK
+    if view is None:
+        return np.asarray(hidden | sky_mask(lab, know.sky))
+    columns = (np.arange(hidden.shape[1], dtype=np.float64) + 0.5) * scale[0]
+    dip = np.deg2rad(know.ground.horizon_dip_deg)
+    rows = horizon_rows(view.camera, view.pose, view.plane, columns, float(dip)) / scale[1]
+    return np.asarray(hidden | (np.arange(hidden.shape[0])[:, None] + 0.5 < rows))
+
+
+def classify_blobs(grey: ByteArray, found: Binarized, know: Knowledge) -> tuple[Blobs, NDArray[np.float64]]:
+    """Blobs that pass for rocks, largest first, and their certainty (R,)."""
+    blobs = find_blobs(found.mask)
+    certainty = rock_certainty(blob_features(grey, found.score, blobs), know.rock_rules)
+    sure = certainty >= know.rock.min_certainty
+    return select(blobs, sure), certainty[sure]
+
+
+def big_rock(blobs: Blobs, shape: RockOutlines, extent_px: float) -> BoolArray:
+    """Pixels (H, W) of blobs at least ``extent_px`` long."""
+    big = np.concatenate([[False], shape.length_px >= extent_px])
+    return np.asarray(big[blobs.labels])
+
+
+def _observation(
+    time_s: float, view: View, placed: list[PerceivedRock | None], classes: NDArray[np.str_], know: Knowledge
+) -> Observation:
+    reach = know.ground.max_range_m
+    centres = window_centres(view.camera, view.pose, view.plane, (classes.shape[0], classes.shape[1]), reach)
+    outline = footprint(view.camera, view.pose, view.plane, reach)
+    return Observation(time_s, tuple(rock for rock in placed if rock is not None), classes, centres, outline)
+
+
+def _image_rocks(
+    blobs: Blobs, shape: RockOutlines, certainty: NDArray[np.float64], placed: list[PerceivedRock | None]
+) -> tuple[ImageRock, ...]:
+    return tuple(
+        ImageRock(
+            id=i + 1,
+            centroid_px=(float(blobs.centre_px[i, 0]), float(blobs.centre_px[i, 1])),
+            bbox_px=(int(box[0]), int(box[1]), int(box[2]), int(box[3])),
+            area_px=int(blobs.area_px[i]),
+            certainty=float(certainty[i]),
+            formation=int(shape.formation[i]),
+            axis_rad=float(blobs.axis_rad[i]),
+            length_px=float(shape.length_px[i]),
+            sections_px=tuple(float(d) for d in shape.sections_px[i]),
+            touches_border=bool(blobs.border[i].any()),
+            placed=placed[i],
+        )
+        for i, box in enumerate(blobs.box_px)
+    )
