@@ -8,6 +8,7 @@ from typing import Literal
 import msgspec
 
 from worlds.errors import ScenarioError
+from worlds.soil import soil_preset
 from worlds.strict_toml import check_limits, convert_table, dump_toml, read_table
 
 MAX_CELLS = 6_000_000  # memory and start-up time: eight bytes a cell in every copy of the heights
@@ -218,6 +219,10 @@ def check_scenario(scenario: Scenario, source: str) -> None:
         )
     if not rocks.formations:
         raise ScenarioError(f"{source}: rocks.formations = []: must name at least one of 0 to 9")
+    try:
+        soil_preset(scenario.soil.preset)
+    except ScenarioError as error:
+        raise ScenarioError(f"{source}: {error}") from error
     if scenario.terrain.kind != "dem":
         _check_on_map(scenario, source)
 

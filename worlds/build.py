@@ -1,0 +1,175 @@
+"""Scenario and seed to a world: the one place where terrain, rocks, meshes and soil come together."""
+
+from __future__ import annotations
+
+from enum import IntEnum
+from pathlib import Path
+
+import numpy as np
+
+from worlds.dem import load_dem
+from worlds.errors import ScenarioError
+from worlds.geometry import quaternion_from_euler
+from worlds.heightfield import contains, height_at
+from worlds.rock_field import MESH_MIN_DIAMETER_M, RockField, draw_rock_field, imprint, rocks_of, thin
+from worlds.rock_mesh import COLLISION_LEVELS, PICTURE_LEVELS, cylinder_meshes, join, rock_meshes
+from worlds.rock_shape import base_extents, rock_shape
+from worlds.rock_sizes import expected_number
+from worlds.scenario import MAP_MARGIN_M, Obstacle, Scenario, check_scenario, resolve_terrain_path
+from worlds.soil import soil_preset
+from worlds.synthesis import synthesise
+from worlds.types import Cylinder, FloatArray, HeightField, Pose, Rock, World
+
+MAX_ROCKS = 150_000  # placement and meshes stay within seconds and some hundred megabytes
+PICTURE_SIDES, COLLISION_SIDES = 24, 12  # of a cylinder
+
+
+class Stream(IntEnum):
+    """Separate randomness per purpose: other rocks leave the terrain as it is, and the reverse."""
+
+    TERRAIN = 1
+    ROCK_SIZES = 2
+    ROCK_PLACES = 3
+    ROCK_SHAPES = 4
+
+
+def build_world(scenario: Scenario, seed: int, *, base_dir: Path | None = None) -> World:
+    """The world of a scenario and a seed; the same two give the same arrays to the bit.
+
+    ``base_dir`` is where a relative ``terrain.path`` starts (default: the working directory).
+    Raises `ScenarioError` for what cannot be built: one line with the scenario's name, the key and the value.
+    """
+    source = f"scenario {scenario.name}"
+    if seed < 0:
+        raise ScenarioError(f"{source}: seed = {seed}: allowed are whole numbers from 0")
+    check_scenario(scenario, source)
+    scenario = resolve_terrain_path(scenario, base_dir or Path.cwd())
+    bare = bare_ground(scenario, seed, source)
+    _check_places(scenario, bare, source)
+    field = random_rocks(scenario, bare, seed, source)
+    large = field.diameters_m >= MESH_MIN_DIAMETER_M
+    ground = imprint(field.chosen(~large), bare)
+    explicit = _explicit_rocks(scenario, ground)
+    rocks = explicit + rocks_of(field.chosen(large), ground, first_id=len(explicit) + 1)
+    cylinders = _cylinders(scenario, ground, first_id=len(rocks) + 1)
+    meshes = [
+        join(
+            [
+                rock_meshes(rocks, ground, levels),
+                cylinder_meshes(cylinders, ground, sides),
+            ]
+        )
+        for levels, sides in ((PICTURE_LEVELS, PICTURE_SIDES), (COLLISION_LEVELS, COLLISION_SIDES))
+    ]
+    start, goal = (_on_ground(ground, place) for place in (scenario.rover.start_m, scenario.goal.position_m))
+    heading = quaternion_from_euler(0.0, 0.0, float(np.radians(scenario.rover.heading_deg)))
+    return World(
+        scenario=scenario,
+        seed=seed,
+        ground=ground,
+        rocks=rocks,
+        cylinders=cylinders,
+        picture_mesh=meshes[0],
+        collision_mesh=meshes[1],
+        soil=soil_preset(scenario.soil.preset),
+        start=Pose(np.array(start), heading),
+        goal_w=goal,
+    )
+
+
+def bare_ground(scenario: Scenario, seed: int, source: str) -> HeightField:
+    """The ground without any rock. A synthetic map is centred midway between start and goal."""
+    if scenario.terrain.kind == "dem":
+        return load_dem(scenario.terrain, source)
+    start, goal = scenario.rover.start_m, scenario.goal.position_m
+    centre = ((start[0] + goal[0]) / 2.0, (start[1] + goal[1]) / 2.0)
+    return synthesise(scenario.terrain, centre, _generator(seed, Stream.TERRAIN))
+
+
+def random_rocks(scenario: Scenario, ground: HeightField, seed: int, source: str) -> RockField:
+    """All random rocks of a scenario, the small ones too."""
+    rocks = scenario.rocks
+    (west, east), (south, north) = ground.x_limits_m, ground.y_limits_m
+    area_m2 = (east - west) * (north - south)
+    number = expected_number(rocks.cfa, rocks.min_diameter_m, rocks.max_diameter_m, area_m2)
+    if number > MAX_ROCKS:
+        raise ScenarioError(
+            f"{source}: rocks.min_diameter_m = {rocks.min_diameter_m:g}: would make about {number:.3g} rocks; "
+            f"allowed are {MAX_ROCKS}, so use larger ones, a lower rocks.cfa or a smaller map"
+        )
+    streams = (Stream.ROCK_SIZES, Stream.ROCK_PLACES, Stream.ROCK_SHAPES)
+    try:
+        field = draw_rock_field(rocks, ground, *(_generator(seed, stream) for stream in streams))
+    except ScenarioError as error:
+        raise ScenarioError(f"{source}: {error}") from error
+    return thin(field, _clear_discs(scenario))
+
+
+def _generator(seed: int, stream: Stream) -> np.random.Generator:
+    return np.random.default_rng([seed, stream])
+
+
+def _clear_discs(scenario: Scenario) -> FloatArray:
+    """Discs (M, 3) of x, y and radius that random rocks stay out of."""
+    clear = scenario.rocks.clear_radius_m
+    ends = [(*place, clear) for place in (scenario.rover.start_m, scenario.goal.position_m)]
+    return np.array(ends + [(*item.position_m, _reach(item)) for item in scenario.obstacle])
+
+
+def _reach(obstacle: Obstacle) -> float:
+    """Radius in metres of the circle around all of an explicit obstacle."""
+    if obstacle.kind == "cylinder":
+        return obstacle.radius_m
+    return base_extents(obstacle.formation, 2.0 * obstacle.radius_m)[0] / 2.0
+
+
+def _check_places(scenario: Scenario, ground: HeightField, source: str) -> None:
+    """Raise a `ScenarioError` for anything off the map, and for a start or goal inside an explicit obstacle."""
+    for key, place in (("rover.start_m", scenario.rover.start_m), ("goal.position_m", scenario.goal.position_m)):
+        _check_on_map(f"{source}: {key}", place, ground, MAP_MARGIN_M)
+        for index, item in enumerate(scenario.obstacle):
+            if np.hypot(place[0] - item.position_m[0], place[1] - item.position_m[1]) < _reach(item):
+                raise ScenarioError(
+                    f"{source}: {key} = {list(place)}: lies inside obstacle[{index}], a {item.kind} of radius "
+                    f"{_reach(item):.3g} m at {list(item.position_m)}"
+                )
+    for index, item in enumerate(scenario.obstacle):
+        _check_on_map(f"{source}: obstacle[{index}].position_m", item.position_m, ground, 0.0)
+
+
+def _check_on_map(where: str, place: tuple[float, float], ground: HeightField, margin_m: float) -> None:
+    if contains(ground, *place, margin_m):
+        return
+    (west, east), (south, north) = ground.x_limits_m, ground.y_limits_m
+    raise ScenarioError(
+        f"{where} = {list(place)}: off the map; allowed are x {west + margin_m:.2f} to {east - margin_m:.2f} "
+        f"and y {south + margin_m:.2f} to {north - margin_m:.2f}"
+    )
+
+
+def _explicit_rocks(scenario: Scenario, ground: HeightField) -> tuple[Rock, ...]:
+    """The rocks of ``[[obstacle]]``; their ids come first, so that they do not depend on the seed."""
+    items = [item for item in scenario.obstacle if item.kind == "rock"]
+    return tuple(
+        Rock(
+            number,
+            _on_ground(ground, item.position_m),
+            *base_extents(item.formation, 2.0 * item.radius_m),
+            height_m=item.height_m,
+            yaw_rad=float(np.radians(item.yaw_deg)),
+            shape=rock_shape(item.formation),
+        )
+        for number, item in enumerate(items, start=1)
+    )
+
+
+def _cylinders(scenario: Scenario, ground: HeightField, first_id: int) -> tuple[Cylinder, ...]:
+    items = [item for item in scenario.obstacle if item.kind == "cylinder"]
+    return tuple(
+        Cylinder(number, _on_ground(ground, item.position_m), item.radius_m, item.height_m)
+        for number, item in enumerate(items, start=first_id)
+    )
+
+
+def _on_ground(ground: HeightField, place: tuple[float, float]) -> tuple[float, float, float]:
+    return (place[0], place[1], float(height_at(ground, *place)))

@@ -1,0 +1,111 @@
+"""Synthetic ground: flat, tilted, fractal, dunes and a crater, on a grid centred between start and goal."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from worlds.heightfield import grid_points
+from worlds.scenario import Terrain
+from worlds.types import FloatArray, HeightField
+
+LONGEST_WAVE_M = 12.0  # hills a rover drives over within a traverse
+SHORTEST_WAVE_M = 0.8  # shorter relief is the rocks' part; waves near a wheelbase would shake the rover without end
+HURST = 1.0  # height spectrum ~ f^-(2 H + 2) of a self-affine surface
+
+DUNE_STOSS_SHARE = 0.7  # of the crest distance: transverse dunes rise slowly and fall on the lee side
+CRATER_RIM_SHARE = 0.2  # rim height over depth, about that of simple craters
+CRATER_RIM_SHARPNESS = 30.0
+
+
+def synthesise(terrain: Terrain, centre_m: tuple[float, float], rng: np.random.Generator) -> HeightField:
+    """The height field of a synthetic kind, ``terrain.size_m`` large and centred on ``centre_m``.
+
+    Sides are rounded to whole cells. The mean of the fractal part is zero; a tilt turns about the centre.
+    """
+    resolution = terrain.resolution_m
+    nx, ny = (round(size / resolution) + 1 for size in terrain.size_m)
+    origin = (centre_m[0] - (nx - 1) * resolution / 2, centre_m[1] - (ny - 1) * resolution / 2)
+    flat = HeightField(np.zeros((ny, nx)), resolution, origin)
+    heights = tilt(flat, terrain)
+    if terrain.kind in {"fractal", "dunes", "crater"}:
+        heights = heights + fractal(flat, terrain.roughness_m, rng)
+    if terrain.kind == "dunes":
+        heights = heights + dunes(flat, terrain, rng)
+    if terrain.kind == "crater":
+        heights = heights + crater(flat, terrain)
+    return HeightField(heights, resolution, origin)
+
+
+def tilt(field: HeightField, terrain: Terrain) -> FloatArray:
+    """Heights (ny, nx) of the plane that ``slope_deg`` and ``slope_azimuth_deg`` ask for, zero at the map's centre."""
+    x, y = _centred(field)
+    azimuth = np.radians(terrain.slope_azimuth_deg)
+    return np.asarray(np.tan(np.radians(terrain.slope_deg)) * (x * np.cos(azimuth) + y * np.sin(azimuth)))
+
+
+def fractal(field: HeightField, rms_m: float, rng: np.random.Generator) -> FloatArray:
+    """Self-affine hills (ny, nx) of zero mean and the given rms height, by spectral synthesis.
+
+    The waves are drawn per wave number, shorter ones after longer, and not per cell, so the same generator gives the
+    same hills on a finer grid. Source: Saupe, in The Science of Fractal Images (1988), chapter 2.
+    """
+    ny, nx = field.heights_m.shape
+    periods = np.array([ny - 1, nx - 1]) * field.resolution_m
+    top = np.ceil(periods / SHORTEST_WAVE_M).astype(int)
+    wave_y, wave_x = np.meshgrid(np.arange(-top[0], top[0] + 1), np.arange(top[1] + 1), indexing="ij")
+    frequency = np.hypot(wave_y / periods[0], wave_x / periods[1])
+    noise = rng.standard_normal(frequency.shape) + 1j * rng.standard_normal(frequency.shape)
+    amplitude = noise * _spectrum(frequency, float(periods.max()))
+    spectrum = np.zeros((ny - 1, (nx - 1) // 2 + 1), dtype=np.complex128)
+    # Waves that the grid cannot hold are left out.
+    fits = (2 * np.abs(wave_y) < ny - 1) & (2 * wave_x < nx - 1)
+    spectrum[wave_y[fits], wave_x[fits]] = amplitude[fits]
+    heights = np.fft.irfft2(spectrum, s=(ny - 1, nx - 1))
+    rms = heights.std()
+    scale = rms_m / rms if rms > 0 else 0.0
+    # The hills repeat with the map, so the last row and column are the first again.
+    return np.asarray(np.pad(heights * scale, ((0, 1), (0, 1)), mode="wrap"))
+
+
+def _spectrum(frequency: FloatArray, longest_side_m: float) -> FloatArray:
+    """Amplitude of each wave: a power law from the longest wave (or the map's side) down to the shortest."""
+    lowest = 1.0 / min(LONGEST_WAVE_M, longest_side_m)
+    safe = np.maximum(frequency, 1e-12)
+    amplitude = safe ** -(HURST + 1.0) * (frequency >= lowest * (1 - 1e-9))
+    return np.asarray(amplitude * np.exp(-((frequency * SHORTEST_WAVE_M) ** 4)))
+
+
+def dunes(field: HeightField, terrain: Terrain, rng: np.random.Generator) -> FloatArray:
+    """Transverse dunes (ny, nx) across x: crests ``feature_size_m`` apart and ``relief_m`` high, wavy along y."""
+    x, y = _centred(field)
+    phase = rng.uniform(0.0, 2 * np.pi, size=3)
+    wander = sum(
+        (np.sin(2 * np.pi * y / (factor * terrain.feature_size_m) + turn) / factor)
+        for factor, turn in zip((2.0, 3.3, 5.1), phase, strict=True)
+    )
+    place = np.mod(x / terrain.feature_size_m + 0.35 * wander + phase[0] / (2 * np.pi), 1.0)
+    rise = place / DUNE_STOSS_SHARE
+    fall = (1.0 - place) / (1.0 - DUNE_STOSS_SHARE)
+    # Half a cosine up, half a cosine down: no kink at crest or trough.
+    return np.asarray(terrain.relief_m * (1.0 - np.cos(np.pi * np.minimum(rise, fall))) / 2.0 - terrain.relief_m / 2.0)
+
+
+def crater(field: HeightField, terrain: Terrain) -> FloatArray:
+    """A bowl (ny, nx) at the map's centre, ``feature_size_m`` across, ``relief_m`` deep from rim to floor."""
+    x, y = _centred(field)
+    if terrain.relief_m == 0.0:
+        return np.zeros(field.heights_m.shape)
+    radius = np.hypot(x, y) / (terrain.feature_size_m / 2.0)
+    rim = CRATER_RIM_SHARE * terrain.relief_m
+    bowl = rim - terrain.relief_m * (1.0 - np.minimum(radius, 2.0) ** 2)
+    # Outside, the ejecta blanket falls with the third power (McGetchin et al. 1973).
+    blanket = rim * np.maximum(radius, 0.25) ** -3.0
+    # A smooth minimum rounds the rim, which it lowers by 2 % of the depth.
+    sharpness = CRATER_RIM_SHARPNESS / terrain.relief_m
+    return np.asarray(-np.logaddexp(-sharpness * bowl, -sharpness * blanket) / sharpness)
+
+
+def _centred(field: HeightField) -> tuple[FloatArray, FloatArray]:
+    """Coordinates (1, nx) and (ny, 1) of the grid points from the map's centre."""
+    x, y = grid_points(field)
+    return (x - x.mean())[None, :], (y - y.mean())[:, None]
