@@ -1,0 +1,84 @@
+"""What is still to go from every place the rover knows: the way out of a dead end.
+
+Used when the row search finds no way straight to the goal. It covers a square around the rover; ground never seen
+may be crossed at extra cost. If the goal lies outside, the square's border is charged the straight way from there.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from planner.ground_cells import GroundCells, sample
+from planner.obstacle_map import DriveModel, let_leave, near, obstacle_grid
+from planner.row_kernels import cost_to_go
+from worlds.types import FloatArray, IntArray
+
+STEP_M = 0.15
+HALF_SIZE_M = 13.5
+UNSEEN_COST = 0.5
+HILL_COST = 0.8
+NEAR_COST = 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class GoalField:
+    """Cost to the goal at cells ``[ix, iy]`` from ``origin_w`` on; inf where it cannot be reached from."""
+
+    origin_w: FloatArray  # (2,)
+    cost_m: FloatArray  # (nx, ny)
+    onward: IntArray  # (nx, ny) flat index of the next cell
+
+    def at(self, places_w: FloatArray) -> FloatArray:
+        """Cost at places (N, 2); inf outside the square."""
+        index = np.round((places_w - self.origin_w) / STEP_M).astype(np.int64)
+        inside = np.all((index >= 0) & (index < self.cost_m.shape), axis=-1)
+        index = np.where(inside[..., None], index, 0)
+        return np.where(inside, self.cost_m[index[..., 0], index[..., 1]], np.inf)
+
+    def way(self, place_w: FloatArray, most_m: float) -> FloatArray:
+        """Cells (N, 2) that lead from a place towards the goal, at most ``most_m`` long; empty if none does."""
+        ny = self.cost_m.shape[1]
+        ix, iy = (int(value) for value in np.round((place_w - self.origin_w) / STEP_M))
+        if not (0 <= ix < self.cost_m.shape[0] and 0 <= iy < ny and np.isfinite(self.cost_m[ix, iy])):
+            return np.zeros((0, 2))
+        places, length = [(ix, iy)], 0.0
+        while length < most_m and self.onward[ix, iy] >= 0:
+            before = ix, iy
+            ix, iy = divmod(int(self.onward[ix, iy]), ny)
+            length += STEP_M * float(np.hypot(ix - before[0], iy - before[1]))
+            places.append((ix, iy))
+        return self.origin_w + STEP_M * np.array(places, dtype=float)
+
+
+def goal_field(
+    table_w: FloatArray,
+    cells: GroundCells,
+    place_w: FloatArray,
+    goal_w: FloatArray,
+    goal_radius_m: float,
+    need_m: float,
+    drive: DriveModel,
+) -> GoalField:
+    """Field around ``place_w`` (2,) of the cost to reach within ``goal_radius_m`` of ``goal_w`` (2,)."""
+    low = place_w - HALF_SIZE_M
+    count = round(2 * HALF_SIZE_M / STEP_M) + 1
+    high = low + STEP_M * (count - 1)
+    table = let_leave(near(table_w, place_w, 1.5 * HALF_SIZE_M), place_w, need_m)
+    grid = obstacle_grid(table, (low[0], high[0]), (low[1], high[1]), (count, count))
+    axis = STEP_M * np.arange(count)
+    places = np.stack(np.meshgrid(low[0] + axis, low[1] + axis, indexing="ij"), axis=-1)
+    seen, rough = sample(cells, places)
+    close = np.clip((need_m + drive.comfort_m - grid.clearance_m) / drive.comfort_m, 0.0, 1.0)
+    cost = 1.0 + HILL_COST * grid.hill + NEAR_COST * close**2 + np.where(seen, 0.4 * rough, UNSEEN_COST)
+    cost[grid.clearance_m < need_m] = np.inf
+    distance = np.linalg.norm(places - goal_w, axis=-1)
+    seeds = np.where((distance <= max(goal_radius_m, STEP_M)) & np.isfinite(cost), distance, np.inf)
+    if np.any(np.abs(goal_w - place_w) > HALF_SIZE_M - STEP_M):
+        border = np.zeros((count, count), dtype=bool)
+        border[[0, -1], :] = border[:, [0, -1]] = True
+        # Beyond the square the way is unknown: it is charged as unseen ground.
+        seeds = np.where(border & np.isfinite(cost), (1.0 + UNSEEN_COST) * distance, np.inf)
+    field, onward = cost_to_go(cost, seeds, STEP_M)
+    return GoalField(low, field, onward)

@@ -1,0 +1,144 @@
+"""Remembered rocks as obstacles: which are hard, how wide a berth they get, and the hilly field of the 2004 paper.
+
+The paper (section 3) gives each obstacle centre a weight and convolves the map, which makes a hilly field. Here the
+convolution is carried out sparsely: each obstacle adds its weight times the kernel around itself.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from planner.row_kernels import least_clearance, rasterise
+from planner.terrain_map import RockMemory
+from worlds.types import FloatArray, Footprint
+
+MAX_CLEARANCE_M = 1.2  # farther rocks do not matter to a cell
+NO_OBSTACLES = np.zeros((0, 7))
+
+
+@dataclass(frozen=True)
+class DriveModel:
+    """What the rover can take and what berth it keeps."""
+
+    climb_height_m: float = 0.08  # lower rocks may be driven over
+    margin_m: float = 0.11  # beyond half the width; covers path following and the corners in a curve
+    squeeze_margin_m: float = 0.05  # when nothing else leads on
+    comfort_m: float = 0.35  # beyond the margin, nearness still costs
+    sure_certainty: float = 0.35  # rocks less likely than this only cost
+    sd_share: float = 0.5  # of a rock's position error added to its berth
+    most_sd_m: float = 0.20
+
+    def need_m(self, footprint: Footprint, *, squeeze: bool = False) -> float:
+        """Distance that the rover's centre line keeps from the edge of a hard rock."""
+        return footprint.width_m / 2.0 + (self.squeeze_margin_m if squeeze else self.margin_m)
+
+
+@dataclass(frozen=True)
+class Frame2:
+    """A plane frame in the world: x along ``heading_rad``."""
+
+    origin_w: tuple[float, float]
+    heading_rad: float
+
+    def to_local(self, points_w: FloatArray) -> FloatArray:
+        """Local coordinates of world points (..., 2)."""
+        sin, cos = np.sin(self.heading_rad), np.cos(self.heading_rad)
+        x, y = np.moveaxis(points_w - np.asarray(self.origin_w), -1, 0)
+        turned: FloatArray = np.stack([x * cos + y * sin, y * cos - x * sin], axis=-1)
+        return turned
+
+    def to_world(self, points: FloatArray) -> FloatArray:
+        """World coordinates of local points (..., 2)."""
+        sin, cos = np.sin(self.heading_rad), np.cos(self.heading_rad)
+        turned = np.stack(
+            [points[..., 0] * cos - points[..., 1] * sin, points[..., 0] * sin + points[..., 1] * cos], -1
+        )
+        return turned + np.asarray(self.origin_w)
+
+
+@dataclass(frozen=True, eq=False)
+class ObstacleGrid:
+    """Cells ``[ix, iy]`` at ``(x0 + ix * step_x, y0 + iy * step_y)`` of a local frame."""
+
+    x0_m: float
+    y0_m: float
+    step_x_m: float
+    step_y_m: float
+    clearance_m: FloatArray  # (nx, ny) to the edge of the nearest hard rock, at most MAX_CLEARANCE_M
+    hill: FloatArray  # (nx, ny) convolved weights
+
+
+def obstacles(rocks: RockMemory, model: DriveModel) -> FloatArray:
+    """Obstacles (N, 7) in the world: ax, ay, bx, by of the axis segment, its berth radius, weight, 1 if hard."""
+    if len(rocks) == 0:
+        return NO_OBSTACLES
+    half = 0.5 * np.maximum(rocks.length_m - rocks.width_m, 0.0)
+    axis = half[:, None] * np.stack([np.cos(rocks.yaw_rad), np.sin(rocks.yaw_rad)], axis=1)
+    certainty = rocks.certainty
+    hard = (rocks.height_m > model.climb_height_m) & (certainty > model.sure_certainty)
+    radius = 0.5 * rocks.width_m + np.where(hard, np.minimum(model.sd_share * rocks.sd_m, model.most_sd_m), 0.0)
+    # Low rocks weigh with the square of their height: the knock of a wheel that climbs them.
+    low = 0.4 * np.minimum(rocks.height_m / model.climb_height_m, 1.0) ** 2
+    high = np.clip(rocks.height_m / 0.25, 0.4, 1.0)
+    weight = certainty * np.where(rocks.height_m > model.climb_height_m, high, low)
+    table: FloatArray = np.column_stack([rocks.centre_w - axis, rocks.centre_w + axis, radius, weight, hard])
+    return table
+
+
+def in_frame(table: FloatArray, frame: Frame2) -> FloatArray:
+    """The same obstacles in a local frame."""
+    moved = table.copy()
+    moved[:, 0:2] = frame.to_local(table[:, 0:2])
+    moved[:, 2:4] = frame.to_local(table[:, 2:4])
+    return moved
+
+
+def near(table: FloatArray, place_w: FloatArray, radius_m: float) -> FloatArray:
+    """The obstacles whose middle lies within ``radius_m``."""
+    middle = 0.5 * (table[:, 0:2] + table[:, 2:4])
+    close: FloatArray = table[((middle - place_w) ** 2).sum(axis=1) < radius_m**2]
+    return close
+
+
+def let_leave(table: FloatArray, place: FloatArray, need_m: float) -> FloatArray:
+    """Obstacles whose berth holds the rover already, narrowed until it stands just outside: it may leave them.
+
+    ``place`` (2,) is in the frame of ``table``. The rover still may not come nearer to them than it is.
+    """
+    if len(table) == 0:
+        return table
+    distance = distance_to(table, place)
+    short = np.maximum(need_m + 0.03 - distance, 0.0)
+    freed = table.copy()
+    freed[:, 4] -= np.where(table[:, 6] > 0.5, short, 0.0)  # a radius below zero is a berth narrower than the rover
+    return freed
+
+
+def distance_to(table: FloatArray, place: FloatArray) -> FloatArray:
+    """Distance (N,) from a place to the edge of each obstacle's berth radius; negative inside."""
+    start, along = table[:, 0:2], table[:, 2:4] - table[:, 0:2]
+    squared = np.maximum((along**2).sum(axis=1), 1e-12)
+    share = np.clip(((place - start) * along).sum(axis=1) / squared, 0.0, 1.0)
+    reach: FloatArray = np.linalg.norm(start + share[:, None] * along - place, axis=1) - table[:, 4]
+    return reach
+
+
+def segment_clearance(table: FloatArray, path: FloatArray) -> FloatArray:
+    """Smallest distance (N - 1,) of each segment of a polyline (N, 2) to the berth radius of a hard obstacle."""
+    hard = np.ascontiguousarray(table[table[:, 6] > 0.5])
+    clear: FloatArray = least_clearance(hard, np.ascontiguousarray(path, dtype=np.float64), MAX_CLEARANCE_M)
+    return clear
+
+
+def obstacle_grid(
+    table: FloatArray, x_limits: tuple[float, float], y_limits: tuple[float, float], shape: tuple[int, int]
+) -> ObstacleGrid:
+    """Clearance and hilly field of local obstacles on ``shape`` cells between the limits, both included."""
+    step_x = (x_limits[1] - x_limits[0]) / max(shape[0] - 1, 1)
+    step_y = (y_limits[1] - y_limits[0]) / max(shape[1] - 1, 1)
+    clearance = np.full(shape, MAX_CLEARANCE_M)
+    hill = np.zeros(shape)
+    rasterise(np.ascontiguousarray(table), x_limits[0], y_limits[0], step_x, step_y, clearance, hill)
+    return ObstacleGrid(x_limits[0], y_limits[0], step_x, step_y, clearance, hill)

@@ -1,0 +1,245 @@
+"""What the rover remembers of the ground: rocks fused over many frames, and which cells it has seen.
+
+A rock is an upright capsule on the ground: a segment along its principal axis, widened by its half width. Its place has
+a 2 x 2 covariance, long along the line of sight of a distant view, so that a nearer view moves it; its existence is
+a log-odds that grows when it is seen again and falls when it should have been seen and was not.
+Association: nearest neighbour inside a chi-square gate (Bar-Shalom and Fortmann, "Tracking and Data Association",
+1988); existence: Thrun, Burgard, Fox, "Probabilistic Robotics" (2005), chapter 9, per rock instead of per cell.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+
+from planner.ground_cells import GroundCells, Index, empty_cells, inside_polygon, note_view
+from worlds.types import BoolArray, FloatArray, Observation, PerceivedRock, Vector3
+
+
+@dataclass(frozen=True, eq=False)
+class RockMemory:
+    """N remembered rocks, one array an attribute."""
+
+    centre_w: FloatArray  # (N, 2)
+    covariance: FloatArray  # (N, 2, 2) of the centre, m^2
+    length_m: FloatArray  # (N,)
+    width_m: FloatArray  # (N,)
+    height_m: FloatArray  # (N,)
+    yaw_rad: FloatArray  # (N,) of the principal axis
+    weight: FloatArray  # (N,) of the sizes so far: sum of 1 / range^2, 1/m^2
+    log_odds: FloatArray  # (N,) of being there
+    seen_s: FloatArray  # (N,) time of the last view
+
+    def __len__(self) -> int:
+        return len(self.log_odds)
+
+    @property
+    def certainty(self) -> FloatArray:
+        """Probability (N,) that the rock is there."""
+        return 1.0 / (1.0 + np.exp(-self.log_odds))
+
+    @property
+    def sd_m(self) -> FloatArray:
+        """Mean one-sigma position error (N,)."""
+        return np.sqrt(0.5 * (self.covariance[:, 0, 0] + self.covariance[:, 1, 1]))
+
+    def select(self, index: Index | BoolArray | slice) -> RockMemory:
+        """The rocks of a mask, of indices or of a slice."""
+        return RockMemory(*(getattr(self, part.name)[index] for part in fields(self)))
+
+
+@dataclass(frozen=True)
+class MemoryModel:
+    """How evidence is weighed."""
+
+    gate: float = 9.2  # chi-square of two degrees of freedom, 99 %
+    lateral_sd_ratio: float = 0.02  # of the range: across the line of sight the error is small
+    least_sd_m: float = 0.04
+    seen_gain: float = 1.0  # log-odds of a view with certainty 1
+    missed_loss: float = 0.8  # log-odds of a rock that should have been seen
+    drop_below: float = -1.4
+    most_log_odds: float = 4.0
+    sure_range_m: tuple[float, float] = (1.6, 5.5)  # inside it a missing rock is news
+    sure_angle_rad: float = 0.035  # as is one of this apparent size
+    least_height_m: float = 0.03  # lower ones are no rocks to the wheels
+    capacity: int = 800
+
+
+@dataclass(frozen=True, eq=False)
+class TerrainMemory:
+    """Rocks and seen cells."""
+
+    rocks: RockMemory
+    cells: GroundCells
+
+
+def empty_memory(centre_w: FloatArray) -> TerrainMemory:
+    """A memory of nothing, its cells around ``centre_w`` (2,)."""
+    none = np.zeros(0)
+    rocks = RockMemory(np.zeros((0, 2)), np.zeros((0, 2, 2)), none, none, none, none, none, none, none)
+    return TerrainMemory(rocks, empty_cells(centre_w))
+
+
+def remember(
+    memory: TerrainMemory, observation: Observation, viewpoint_w: FloatArray, model: MemoryModel | None = None
+) -> TerrainMemory:
+    """The memory after one observation made from ``viewpoint_w`` (2,), the place of the rover."""
+    model = model or MemoryModel()
+    views = _views(observation, viewpoint_w, model)
+    rocks = memory.rocks
+    match, fresh = _associate(rocks, views, model)
+    updated = _fuse(rocks, views, match, model)
+    updated = _doubt(updated, match, observation, viewpoint_w, model)
+    merged = _join(updated, views.select(fresh))
+    kept = merged.select(merged.log_odds > model.drop_below)
+    return TerrainMemory(_cap(_unite(kept), viewpoint_w, model), note_view(memory.cells, observation, viewpoint_w))
+
+
+def _views(observation: Observation, viewpoint_w: FloatArray, model: MemoryModel) -> RockMemory:
+    """The observation's rocks as if each were remembered from this view alone."""
+    seen = [rock for rock in observation.rocks if rock.height_m >= model.least_height_m]
+    count = len(seen)
+    centre = np.array([rock.position_w[:2] for rock in seen]).reshape(count, 2)
+    distance = np.array([rock.range_m for rock in seen])
+    along = np.maximum([rock.position_sd_m for rock in seen], model.least_sd_m)
+    across = np.maximum(model.lateral_sd_ratio * distance, model.least_sd_m)
+    sight = centre - viewpoint_w
+    sight = sight / np.maximum(np.linalg.norm(sight, axis=1, keepdims=True), 1e-6)
+    normal = np.stack([-sight[:, 1], sight[:, 0]], axis=1)
+    covariance = along[:, None, None] ** 2 * (sight[:, :, None] * sight[:, None, :])
+    covariance = covariance + across[:, None, None] ** 2 * (normal[:, :, None] * normal[:, None, :])
+    certainty = np.clip(np.array([rock.certainty for rock in seen]), 0.3, 0.9)
+    return RockMemory(
+        centre,
+        covariance.reshape(count, 2, 2),
+        np.array([max(rock.length_m, rock.width_m) for rock in seen]),
+        np.array([min(rock.length_m, rock.width_m) for rock in seen]),
+        np.array([rock.height_m for rock in seen]),
+        np.array([rock.yaw_rad + (0.0 if rock.length_m >= rock.width_m else np.pi / 2) for rock in seen]),
+        1.0 / np.maximum(distance, 0.5) ** 2,
+        np.log(certainty / (1.0 - certainty)),
+        np.full(count, observation.time_s),
+    )
+
+
+def _associate(rocks: RockMemory, views: RockMemory, model: MemoryModel) -> tuple[Index, BoolArray]:
+    """For each remembered rock the view that is it, or -1; and a mask of the views that are new."""
+    match = np.full(len(rocks), -1)
+    fresh = np.ones(len(views), dtype=bool)
+    if len(rocks) == 0 or len(views) == 0:
+        return match, fresh
+    offset = rocks.centre_w[:, None] - views.centre_w[None]
+    # Two outlines of one rock may lie off by a share of its size.
+    slack = (0.15 * np.maximum(rocks.length_m[:, None], views.length_m[None])) ** 2
+    total = rocks.covariance[:, None] + views.covariance[None]
+    a, b, d = total[..., 0, 0] + slack, total[..., 0, 1], total[..., 1, 1] + slack
+    x, y = offset[..., 0], offset[..., 1]
+    distance = (d * x * x - 2.0 * b * x * y + a * y * y) / (a * d - b * b)
+    distance[np.hypot(x, y) > 1.5] = np.inf
+    while True:
+        best = int(np.argmin(distance))
+        rock, view = divmod(best, len(views))
+        if distance[rock, view] > model.gate:
+            return match, fresh
+        match[rock], fresh[view] = view, False
+        distance[rock, :] = np.inf
+        distance[:, view] = np.inf
+
+
+def _fuse(rocks: RockMemory, views: RockMemory, match: Index, model: MemoryModel) -> RockMemory:
+    """Matched rocks moved to the mean weighted by inverse covariance, resized by inverse squared range."""
+    index = np.flatnonzero(match >= 0)
+    if len(index) == 0:
+        return rocks
+    old, new = rocks.select(index), views.select(match[index])
+    gain = old.covariance @ np.linalg.inv(old.covariance + new.covariance)
+    centre = old.centre_w + np.einsum("nij,nj->ni", gain, new.centre_w - old.centre_w)
+    covariance = old.covariance - gain @ old.covariance
+    # Views share the errors of pose and ground plane, so they never average out altogether.
+    floor = (0.6 * model.least_sd_m) ** 2 * np.eye(2)
+    share = new.weight / (old.weight + new.weight)
+    yaw = old.yaw_rad + share * _half_turn(new.yaw_rad - old.yaw_rad)
+    gained = np.minimum(old.log_odds + model.seen_gain * new.certainty, model.most_log_odds)
+    fused = RockMemory(
+        centre,
+        0.5 * (covariance + np.swapaxes(covariance, 1, 2)) + floor,
+        old.length_m + share * (new.length_m - old.length_m),
+        old.width_m + share * (new.width_m - old.width_m),
+        old.height_m + share * (new.height_m - old.height_m),
+        yaw,
+        np.minimum(old.weight + new.weight, 4.0),
+        gained,
+        new.seen_s,
+    )
+    return _put(rocks, index, fused)
+
+
+def _doubt(
+    rocks: RockMemory, match: Index, observation: Observation, viewpoint_w: FloatArray, model: MemoryModel
+) -> RockMemory:
+    """Rocks that stand in view, near and large enough, unhidden, and were not seen, become less likely."""
+    if len(rocks) == 0 or len(observation.footprint_w) < 3:
+        return rocks
+    sight = rocks.centre_w - viewpoint_w
+    distance = np.linalg.norm(sight, axis=1)
+    near, far = model.sure_range_m
+    expected = (match < 0) & (distance > near) & (distance < far)
+    expected &= rocks.width_m > model.sure_angle_rad * distance
+    expected &= inside_polygon(observation.footprint_w, rocks.centre_w)
+    index = np.flatnonzero(expected)
+    if len(index) == 0:
+        return rocks
+    bearing = np.arctan2(sight[:, 1], sight[:, 0])
+    apart = np.abs((bearing[index, None] - bearing[None] + np.pi) % (2 * np.pi) - np.pi)
+    in_front = distance[None] < distance[index, None] - 0.1
+    hidden = np.any(in_front & (apart < 0.5 * rocks.length_m[None] / distance[None]) & (rocks.height_m > 0.1), axis=1)
+    # At the rim of the view a rock may be cut off; the loss grows with apparent size.
+    clear = np.clip(rocks.width_m[index] / (2.0 * model.sure_angle_rad * distance[index]), 0.5, 1.0)
+    log_odds = rocks.log_odds.copy()
+    log_odds[index] -= np.where(hidden, 0.0, model.missed_loss * clear)
+    return replace(rocks, log_odds=log_odds)
+
+
+def _unite(rocks: RockMemory) -> RockMemory:
+    """Rocks whose centres lie well inside one another are one: the one seen better stays."""
+    if len(rocks) < 2:
+        return rocks
+    order = np.argsort(-rocks.weight, kind="stable")
+    sorted_rocks = rocks.select(order)
+    offset = sorted_rocks.centre_w[:, None] - sorted_rocks.centre_w[None]
+    reach = 0.25 * (sorted_rocks.width_m[:, None] + sorted_rocks.width_m[None])
+    inside = np.tril((offset**2).sum(axis=2) < reach**2, k=-1)
+    return sorted_rocks.select(~inside.any(axis=1))
+
+
+def _cap(rocks: RockMemory, viewpoint_w: FloatArray, model: MemoryModel) -> RockMemory:
+    if len(rocks) <= model.capacity:
+        return rocks
+    distance = np.linalg.norm(rocks.centre_w - viewpoint_w, axis=1)
+    return rocks.select(np.sort(np.argsort(distance, kind="stable")[: model.capacity]))
+
+
+def _join(first: RockMemory, second: RockMemory) -> RockMemory:
+    return RockMemory(
+        *(np.concatenate([getattr(first, part.name), getattr(second, part.name)]) for part in fields(first))
+    )
+
+
+def _put(rocks: RockMemory, index: Index, new: RockMemory) -> RockMemory:
+    columns = []
+    for part in fields(rocks):
+        column = getattr(rocks, part.name).copy()
+        column[index] = getattr(new, part.name)
+        columns.append(column)
+    return RockMemory(*columns)
+
+
+def _half_turn(angle: FloatArray) -> FloatArray:
+    """Angle between two undirected axes, in [-pi/2, pi/2)."""
+    return (angle + np.pi / 2) % np.pi - np.pi / 2
+
+
+def rock_at(centre_w: Vector3, diameter_m: float, height_m: float, range_m: float = 2.0) -> PerceivedRock:
+    """A round rock that is known to be there: for maps given from outside."""
+    return PerceivedRock(centre_w, diameter_m, diameter_m, height_m, 0.0, 0.9, 0, range_m, 0.03)
