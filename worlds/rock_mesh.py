@@ -16,7 +16,7 @@ from worlds.heightfield import height_at
 from worlds.rock_shape import diameters_along
 from worlds.types import BoolArray, Cylinder, FloatArray, HeightField, IntArray, Rock, TriangleMesh
 
-BUMP_SHARE = 0.07  # largest deviation of the surface from the loft, as a share of the local radius
+BUMP_SHARE = 0.30  # largest deviation of the surface from the loft, as a share of the local radius
 BURIAL_SHARE = 0.10  # of the height, below the lowest ground along the outline
 _WAVES = 4
 _HASH = np.random.default_rng(2004).uniform(-1e3, 1e3, size=(4 * _WAVES, 12))  # a constant table
@@ -136,7 +136,7 @@ def _bump(bumps: FloatArray, places: FloatArray, angles: FloatArray) -> FloatArr
     """Radius factor (N, sections, loop) of a few seeded waves over the surface, within 1 +- BUMP_SHARE."""
     along, around, phase, weight = (bumps[:, :, index, None, None] for index in range(4))
     waves = np.sin(
-        4.0 * along * places[None, None, :, None] + 3.0 * around * angles[None, None, None, :] + np.pi * phase
+        5.0 * along * places[None, None, :, None] + 4.0 * around * angles[None, None, None, :] + np.pi * phase
     )
     return np.asarray(1.0 + BUMP_SHARE / _WAVES * (weight * waves).sum(axis=1))
 

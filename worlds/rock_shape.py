@@ -23,11 +23,11 @@ PROFILES = np.array(
         [0.10, 0.85, 1.00, 0.97, 0.88, 0.76, 0.62, 0.44, 0.00],  # 2: egg
         [0.35, 0.95, 1.00, 0.82, 0.65, 0.50, 0.36, 0.22, 0.00],  # 3: wedge
         [0.60, 0.94, 0.99, 1.00, 1.00, 1.00, 0.99, 0.94, 0.60],  # 4: loaf
-        [0.00, 0.26, 0.50, 0.78, 1.00, 0.78, 0.50, 0.26, 0.00],  # 5: spindle
-        [0.25, 0.84, 1.00, 0.78, 0.55, 0.78, 1.00, 0.84, 0.25],  # 6: waisted
-        [0.30, 0.52, 0.56, 0.60, 0.92, 1.00, 1.00, 0.92, 0.50],  # 7: shouldered
-        [0.00, 0.48, 0.60, 0.50, 0.42, 0.72, 1.00, 0.90, 0.20],  # 8: unequal twins
-        [0.20, 0.80, 0.90, 0.62, 1.00, 0.62, 0.90, 0.80, 0.20],  # 9: triple
+        [0.00, 0.30, 0.55, 0.80, 1.00, 0.80, 0.55, 0.30, 0.00],  # 5: spindle
+        [0.25, 0.86, 1.00, 0.84, 0.70, 0.84, 1.00, 0.86, 0.25],  # 6: waisted
+        [0.30, 0.58, 0.62, 0.66, 0.90, 1.00, 1.00, 0.90, 0.40],  # 7: shouldered
+        [0.00, 0.56, 0.70, 0.66, 0.60, 0.76, 1.00, 0.90, 0.20],  # 8: unequal twins
+        [0.85, 1.00, 1.00, 1.00, 0.99, 0.95, 0.84, 0.60, 0.00],  # 9: bullet
     ]
 )
 
@@ -85,3 +85,13 @@ def diameters_along(profiles: FloatArray, places: FloatArray) -> FloatArray:
     share = position - left
     squared = profiles**2
     return np.asarray(np.sqrt((1.0 - share) * squared[:, left] + share * squared[:, left + 1]))
+
+
+def outlines(profiles: FloatArray, lengths_m: FloatArray, widths_m: FloatArray, yaws_rad: FloatArray) -> FloatArray:
+    """Outlines (N, 32, 2) in metres of rock bases about their centres, counter-clockwise."""
+    places = -np.cos(np.linspace(0.0, np.pi, 17))
+    half_width = diameters_along(profiles, places) * widths_m[:, None] / 2.0
+    along = np.concatenate([places, places[-2:0:-1]]) * lengths_m[:, None] / 2.0
+    across = np.concatenate([-half_width, half_width[:, -2:0:-1]], axis=1)
+    cos, sin = np.cos(yaws_rad)[:, None], np.sin(yaws_rad)[:, None]
+    return np.stack([cos * along - sin * across, sin * along + cos * across], axis=-1)

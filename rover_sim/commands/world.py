@@ -1,0 +1,195 @@
+"""``rover-sim world``: build a world to files, or show its picture."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+    from rich.table import Table
+
+    from worlds.types import World
+
+SIZE_CLASSES_M = (0.0, 0.08, 0.2, 0.35, 0.5, 1.0)
+CLOSE_UP_M = 6.0
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Add the sub-commands and their arguments."""
+    actions = parser.add_subparsers(dest="action", metavar="ACTION", required=True)
+    build = actions.add_parser("build", help="write world.npz, scenario.toml and rocks.glb, and print what is in it")
+    show = actions.add_parser("show", help="draw the top view and a close look at the rocks")
+    for action in (build, show):
+        action.add_argument("scenario", metavar="SCENARIO", help="a shipped name or a TOML file")
+        action.add_argument("--seed", type=int, default=0, help="of terrain and rocks (default 0)")
+    build.add_argument("--out", type=Path, metavar="DIR", help="folder to write to (default world-NAME-SEED)")
+    show.add_argument("--out", type=Path, metavar="FILE.png", help="picture to write (default world-NAME-SEED.png)")
+
+
+def execute(args: argparse.Namespace) -> int:
+    """Run the chosen sub-command; the return value is the exit code."""
+    from worlds.build import build_world
+    from worlds.scenario import load_scenario
+
+    world = build_world(load_scenario(args.scenario), args.seed)
+    if args.action == "build":
+        _build(world, args.out)
+    else:
+        _show(world, args.out)
+    return 0
+
+
+def _default_name(world: World) -> str:
+    letters = (letter if letter.isalnum() or letter in "-_" else "-" for letter in world.scenario.name)
+    return f"world-{''.join(letters)}-{world.seed}"
+
+
+def _build(world: World, out: Path | None) -> None:
+    import numpy as np
+    from rich.console import Console
+
+    from rover_sim.files import atomic_path, output_folder, write_text
+    from worlds.scenario import dump_scenario
+
+    folder = output_folder(out or Path(_default_name(world)))
+    with atomic_path(folder / "world.npz") as path:
+        np.savez_compressed(
+            path,
+            heights_m=world.ground.heights_m,
+            resolution_m=world.ground.resolution_m,
+            origin_m=np.array(world.ground.origin_m),
+            allow_pickle=False,
+            **_rock_columns(world),
+        )
+    write_text(folder / "scenario.toml", dump_scenario(world.scenario))
+    with atomic_path(folder / "rocks.glb") as path:
+        path.write_bytes(_rocks_glb(world))
+    console = Console()
+    console.print(summary_table(world))
+    console.print(f"world.npz, scenario.toml and rocks.glb are in {folder}", soft_wrap=True)
+
+
+def _show(world: World, out: Path | None) -> None:
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+    from rich.console import Console
+
+    from rover_sim.errors import InputError
+    from rover_sim.files import atomic_path, output_folder
+    from rover_sim.report.ground_map import draw_close_up, draw_ground, draw_scale
+
+    path = out or Path(f"{_default_name(world)}.png")
+    if path.suffix.lower() != ".png":
+        raise InputError(f"--out {path}: must end in .png")
+    output_folder(path.parent)
+    figure = Figure(figsize=(15, 8), layout="constrained")
+    FigureCanvasAgg(figure)
+    top = figure.add_subplot(1, 2, 1)
+    draw_ground(top, world)
+    draw_scale(top, world)
+    top.legend(loc="upper left", fontsize=8)
+    top.set_title(f"{world.scenario.name}, seed {world.seed}")
+    close = figure.add_subplot(1, 2, 2, projection="3d")
+    centre = _richest_square(world)
+    draw_close_up(close, world, centre, CLOSE_UP_M)
+    close.set_title(f"{CLOSE_UP_M:g} m around ({centre[0]:.1f}, {centre[1]:.1f})")
+    with atomic_path(path) as temporary:
+        figure.savefig(temporary, dpi=100, format="png")
+    Console().print(f"picture: {path}", soft_wrap=True)
+
+
+def _richest_square(world: World) -> tuple[float, float]:
+    """Centre of the square of the close-up that holds the most rock area, on the map as far as possible."""
+    import numpy as np
+
+    (west, east), (south, north) = world.ground.x_limits_m, world.ground.y_limits_m
+    half = CLOSE_UP_M / 2
+    if not world.rocks:
+        return (west + east) / 2, (south + north) / 2
+    places = np.array([rock.position_w[:2] for rock in world.rocks])
+    areas = np.array([rock.diameter_m**2 for rock in world.rocks])
+    candidates = places[:: max(1, len(places) // 200)]
+    near = np.abs(places[None] - candidates[:, None]).max(axis=2) <= half
+    best = candidates[int((near * areas).sum(axis=1).argmax())]
+    x = np.clip(best[0], west + half, max(east - half, west + half))
+    y = np.clip(best[1], south + half, max(north - half, south + half))
+    return float(x), float(y)
+
+
+def _rock_columns(world: World) -> dict[str, NDArray[Any]]:
+    """The rock and cylinder tables as arrays, one a column."""
+    import numpy as np
+
+    rocks, cylinders = world.rocks, world.cylinders
+    return {
+        "rock_id": np.array([rock.id for rock in rocks], dtype=np.int32),
+        "rock_position_w": np.array([rock.position_w for rock in rocks]).reshape(-1, 3),
+        "rock_size_m": np.array([(rock.length_m, rock.width_m, rock.height_m) for rock in rocks]).reshape(-1, 3),
+        "rock_yaw_rad": np.array([rock.yaw_rad for rock in rocks]),
+        "rock_formation": np.array([rock.shape.formation for rock in rocks], dtype=np.int32),
+        "rock_section_ratio": np.array([rock.shape.section_ratio for rock in rocks]).reshape(-1, 9),
+        "cylinder_id": np.array([item.id for item in cylinders], dtype=np.int32),
+        "cylinder_position_w": np.array([item.position_w for item in cylinders]).reshape(-1, 3),
+        "cylinder_size_m": np.array([(item.radius_m, item.height_m) for item in cylinders]).reshape(-1, 2),
+    }
+
+
+def _rocks_glb(world: World) -> bytes:
+    """Rocks and cylinders as binary glTF; glTF has y up, so (x, y, z) becomes (x, z, -y)."""
+    import trimesh
+
+    mesh = world.picture_mesh
+    shape = trimesh.Trimesh(mesh.vertices_m[:, [0, 2, 1]] * (1.0, 1.0, -1.0), mesh.faces, process=False)
+    glb: bytes = trimesh.Scene([shape] if len(mesh.faces) else []).export(file_type="glb")  # type: ignore[no-untyped-call]
+    return glb
+
+
+def summary_table(world: World) -> Table:
+    """What the world holds: size, slopes, rocks by diameter (the bumps too), rock cover and soil."""
+    import numpy as np
+    from rich.table import Table
+
+    from worlds.heightfield import slope_deg
+
+    field = world.ground
+    (west, east), (south, north) = field.x_limits_m, field.y_limits_m
+    steepness = slope_deg(field)
+    table = Table(title=f"{world.scenario.name}, seed {world.seed}", show_header=False)
+    table.add_row("size", f"{east - west:.2f} x {north - south:.2f} m")
+    table.add_row("cells", f"{field.heights_m.shape[1]} x {field.heights_m.shape[0]} of {field.resolution_m:g} m")
+    table.add_row("heights", f"{field.heights_m.min():.2f} to {field.heights_m.max():.2f} m")
+    table.add_row("slope", f"mean {steepness.mean():.1f}, p90 {np.percentile(steepness, 90):.1f} deg")
+    for name, text in _rock_rows(world, (east - west) * (north - south)):
+        table.add_row(name, text)
+    table.add_row("cylinders", f"{len(world.cylinders)}")
+    table.add_row("mesh faces", f"{len(world.picture_mesh.faces)}, for contact {len(world.collision_mesh.faces)}")
+    table.add_row("soil", world.soil.name)
+    return table
+
+
+def _rock_rows(world: World, area_m2: float) -> list[tuple[str, str]]:
+    """Rows of the table on rocks: how many by diameter, and their cover beside what the law gives."""
+    import numpy as np
+
+    from worlds.build import random_rocks
+    from worlds.rock_field import MESH_MIN_DIAMETER_M
+    from worlds.rock_sizes import area_fraction
+
+    drawn = random_rocks(world.scenario, world.ground, world.seed, world.scenario.name).diameters_m
+    bumps = drawn[drawn < MESH_MIN_DIAMETER_M]
+    diameters = np.concatenate([bumps, [rock.diameter_m for rock in world.rocks]])
+    rows = []
+    for low, high in zip(SIZE_CLASSES_M, (*SIZE_CLASSES_M[1:], np.inf), strict=True):
+        name = f"rocks of {low:g} to {high:g} m" if np.isfinite(high) else f"rocks of {low:g} m and more"
+        note = ", as bumps of the ground" if high <= MESH_MIN_DIAMETER_M else ""
+        rows.append((name, f"{np.count_nonzero((diameters >= low) & (diameters < high))}{note}"))
+    keys = world.scenario.rocks
+    cover = np.pi / 4 * (diameters**2).sum() / area_m2
+    text = f"{100 * cover:.2f} % of the ground"
+    if keys.cfa > 0:
+        span = np.array([keys.min_diameter_m, keys.max_diameter_m])
+        law = float(-np.diff(area_fraction(keys.cfa, span))[0])
+        text += f"; law: {100 * law:.2f} % between {span[0]:g} and {span[1]:g} m, {100 * keys.cfa:g} % of all sizes"
+    return [*rows, ("rock cover", text)]
