@@ -56,13 +56,16 @@ class Drive:
         assert self.autopilot.arm() is None
         assert self.autopilot.start_mission() is None
 
+    def state(self) -> MissionState:
+        return self.autopilot.auto.state
+
     def complete(self) -> bool:
         return self.autopilot.auto.state is MissionState.COMPLETE
 
 
 def test_it_drives_its_waypoints_in_order_and_says_so() -> None:
     drive = Drive()
-    drive.begin(Home((0, 0, 0)), DriveTo((3.0, 0.0, 0.0)), DriveTo((4.0, 2.0, 0.0)))
+    drive.begin(Home(), DriveTo((3.0, 0.0, 0.0)), DriveTo((4.0, 2.0, 0.0)))
     assert drive.autopilot.auto.current == 1
     drive.until(drive.complete)
     drive.until(lambda: drive.autopilot.motion.linear_m_s == 0.0)
@@ -128,29 +131,28 @@ def test_return_home_item() -> None:
 
 def test_states_are_honest() -> None:
     drive = Drive()
-    runner = drive.autopilot.auto
-    assert runner.state is MissionState.NO_MISSION
+    assert drive.state() is MissionState.NO_MISSION
     drive.autopilot.set_mission(Mission((DriveTo((3.0, 0.0, 0.0)),)))
-    assert runner.state is MissionState.NOT_STARTED
+    assert drive.state() is MissionState.NOT_STARTED
     drive.autopilot.arm()
     drive.autopilot.start_mission()
-    assert runner.state is MissionState.ACTIVE
+    assert drive.state() is MissionState.ACTIVE
     drive.until(lambda: drive.rover.x_m > 0.5)
     drive.autopilot.set_mode(Mode.HOLD)
-    assert runner.state is MissionState.PAUSED
+    assert drive.state() is MissionState.PAUSED
     drive.until(lambda: drive.autopilot.motion.linear_m_s == 0.0)
     drive.autopilot.set_mode(Mode.AUTO)
-    assert runner.state is MissionState.ACTIVE
+    assert drive.state() is MissionState.ACTIVE
     drive.until(drive.complete)
     drive.autopilot.set_mission(Mission())
-    assert runner.state is MissionState.NO_MISSION
+    assert drive.state() is MissionState.NO_MISSION
 
 
 def test_a_new_mission_while_running_begins_with_its_first_item() -> None:
     drive = Drive()
     drive.begin(DriveTo((5.0, 0.0, 0.0)), DriveTo((9.0, 0.0, 0.0)))
     drive.until(lambda: drive.rover.x_m > 1.0)
-    drive.autopilot.set_mission(Mission((Home((0, 0, 0)), DriveTo((1.0, 3.0, 0.0)))))
+    drive.autopilot.set_mission(Mission((Home(), DriveTo((1.0, 3.0, 0.0)))))
     assert drive.autopilot.auto.state is MissionState.ACTIVE
     assert drive.autopilot.auto.current == 1
     drive.until(drive.complete)
@@ -162,10 +164,10 @@ def test_a_new_mission_after_the_end_is_driven_at_once_in_auto_but_not_in_hold()
     drive.begin(DriveTo((0.5, 0.0, 0.0)))
     drive.until(drive.complete)
     drive.autopilot.set_mission(Mission((DriveTo((1.5, 0.0, 0.0)),)))
-    assert drive.autopilot.auto.state is MissionState.ACTIVE
+    assert drive.state() is MissionState.ACTIVE
     drive.autopilot.set_mode(Mode.HOLD)
     drive.autopilot.set_mission(Mission((DriveTo((1.5, 0.0, 0.0)),)))
-    assert drive.autopilot.auto.state is MissionState.NOT_STARTED
+    assert drive.state() is MissionState.NOT_STARTED
 
 
 def test_a_complete_mission_starts_over_on_demand() -> None:
@@ -180,7 +182,7 @@ def test_a_complete_mission_starts_over_on_demand() -> None:
 
 def test_jumping_to_an_item() -> None:
     drive = Drive()
-    drive.begin(Home((0, 0, 0)), DriveTo((5.0, 0.0, 0.0)), DriveTo((0.0, 2.0, 0.0)))
+    drive.begin(Home(), DriveTo((5.0, 0.0, 0.0)), DriveTo((0.0, 2.0, 0.0)))
     assert drive.autopilot.set_current(2)
     assert not drive.autopilot.set_current(3)
     assert not drive.autopilot.set_current(0)

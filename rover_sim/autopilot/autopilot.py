@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from planner.mobility import STOP, Command, Limits, ramp, wheel_speeds
-from rover_sim.autopilot.events import Changed, Event, Reached, Text
+from rover_sim.autopilot.events import Event, Reached, Text
 from rover_sim.autopilot.failsafe import Failsafe
 from rover_sim.autopilot.mission import DriveTo, Item, Mission, ReturnHome, TurnTo
 from rover_sim.autopilot.modes import MissionState, Mode, Severity
@@ -25,6 +25,7 @@ class Autopilot:
         self.parameters = parameters or ParameterTable()
         self.mode = Mode.HOLD
         self.armed = False
+        self.tripped = False  # a fail-safe stopped the rover, and nobody has changed the mode since
         self.auto = MissionRunner(footprint)
         self.failsafe = Failsafe(footprint)
         self._guided = MissionRunner(footprint)
@@ -45,6 +46,7 @@ class Autopilot:
         if trip is not None and self.driving:
             self._say(trip.severity, f"{trip.text}, hold")
             self._enter(Mode.HOLD)
+            self.tripped = True
         if not self.armed:
             self._motion = STOP
         else:
@@ -66,13 +68,12 @@ class Autopilot:
         events, self._events = tuple(self._events), []
         return events
 
-    def arm(self) -> str | None:
-        """Arm; the reason if it is refused."""
-        reason = self.prearm_reason()
+    def arm(self, *, force: bool = False) -> str | None:
+        """Arm; the reason if it is refused. ``force`` skips the checks."""
+        reason = None if force else self.prearm_reason()
         if reason is None and not self.armed:
             self.armed = True
             self._say(Severity.INFO, "Armed")
-            self._events.append(Changed())
             self._resume()
         elif reason is not None:
             self._say(Severity.ERROR, f"PreArm: {reason}")
@@ -90,7 +91,6 @@ class Autopilot:
             self.armed = False
             self.auto.pause()
             self._say(Severity.INFO, "Disarmed")
-            self._events.append(Changed())
 
     def set_mode(self, number: int) -> str | None:
         """Change the mode by its number; the reason if it is refused."""
@@ -116,21 +116,18 @@ class Autopilot:
             if self.auto.state is MissionState.COMPLETE:
                 self.auto.load(self.auto.mission)
             self._resume()
-            self._events.append(Changed())
         return reason
 
     def set_mission(self, mission: Mission, current: int | None = None) -> None:
         """Replace the mission. In mode Auto and armed the rover goes on with the new one at once."""
         self.auto.load(mission, current)
         self._resume()
-        self._events.append(Changed())
 
     def set_current(self, index: int) -> bool:
         """Make a mission item the current one; False if there is no such item."""
         found = self.auto.jump(index)
         if found:
             self._resume()
-            self._events.append(Changed())
         return found
 
     def goto(self, position_w: Vector3) -> str | None:
@@ -168,8 +165,8 @@ class Autopilot:
             self.auto.pause()
         self._guided.load(Mission())
         self.mode = mode
+        self.tripped = False
         self.failsafe.reset()
-        self._events.append(Changed())
 
     def _resume(self) -> None:
         """In mode Auto an armed rover drives what is left of its mission."""
@@ -180,13 +177,11 @@ class Autopilot:
         if estimate is None or not self.driving:
             return STOP
         runner = self.auto if self.mode is Mode.AUTO else self._guided
-        before = runner.current, runner.state
+        before = runner.state
         command, reached = runner.step(time_s, estimate, self._limits(), self.home_w)
         if runner is self.auto:
             self._events.extend(Reached(index) for index in reached)
-            if (runner.current, runner.state) != before:
-                self._events.append(Changed())
-            if runner.state is MissionState.COMPLETE is not before[1]:
+            if runner.state is MissionState.COMPLETE is not before:
                 self._say(Severity.INFO, "Mission complete")
         return command
 

@@ -22,9 +22,4 @@ class Reached:
     index: int
 
 
-@dataclass(frozen=True)
-class Changed:
-    """Mode, arming, mission or current item changed: whoever shows them should look again."""
-
-
-Event = Text | Reached | Changed
+Event = Text | Reached

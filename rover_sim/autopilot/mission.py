@@ -9,9 +9,7 @@ from worlds.types import Vector3
 
 @dataclass(frozen=True)
 class Home:
-    """The home position in the item list: kept for the numbering, never driven to."""
-
-    position_w: Vector3
+    """A home position at the head of the item list: kept for the numbering, never driven to."""
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,136 @@
+"""The planner's side of the link: an onboard computer that uploads missions and follows their progress."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from rover_sim.autopilot.modes import MissionState
+from rover_sim.mavlink.commander import Commander, PendingCommand
+from rover_sim.mavlink.dialect import Message, mavlink
+from rover_sim.mavlink.endpoint import Endpoint, Link
+from rover_sim.mavlink.geodesy import heading_deg
+from rover_sim.mavlink.uploader import Upload, Uploader
+from rover_sim.mavlink.wire import WireItem
+
+COMPONENT = int(mavlink.MAV_COMP_ID_ONBOARD_COMPUTER)
+LINK_LOST_S = 3.5  # the silence after which QGroundControl gives a vehicle up
+_LAST_TEXTS = 20
+
+
+@dataclass(frozen=True)
+class CompanionStatus:
+    """What the companion has heard of its vehicle; None where it has heard nothing."""
+
+    heard_s: float | None = None  # time of the last heartbeat
+    mode: int | None = None
+    armed: bool = False
+    current: int | None = None
+    mission_state: MissionState | None = None
+    reached: tuple[int, ...] = ()  # items of the mission uploaded last
+    texts: tuple[tuple[float, int, str], ...] = ()  # time, severity, text; oldest first
+
+
+class Companion:
+    """One vehicle's companion: same system number, component 191."""
+
+    def __init__(self, link: Link, system: int = 1, target_component: int = 1) -> None:
+        self.endpoint = Endpoint(system, COMPONENT, [link])
+        self._vehicle = system, target_component
+        self._uploader = Uploader(self._send, system, target_component)
+        self._commander = Commander(self._send, system, target_component)
+        self._status = CompanionStatus()
+        self._texts: deque[tuple[float, int, str]] = deque(maxlen=_LAST_TEXTS)
+        self._chunks: dict[int, str] = {}
+        self._time_s = 0.0
+        self._beat_s: float | None = None
+        self._handlers: Mapping[str, Callable[[Message], None]] = {
+            "HEARTBEAT": self._heartbeat,
+            "MISSION_CURRENT": self._mission_current,
+            "MISSION_ITEM_REACHED": self._reached,
+            "STATUSTEXT": self._text,
+            "MISSION_REQUEST_INT": lambda message: self._uploader.requested(message, self._time_s),
+            "MISSION_REQUEST": lambda message: self._uploader.requested(message, self._time_s),
+            "MISSION_ACK": lambda message: self._uploader.acknowledged(message, self._time_s),
+            "COMMAND_ACK": lambda message: self._commander.acknowledged(message, self._time_s),
+        }
+
+    @property
+    def status(self) -> CompanionStatus:
+        """What is known of the vehicle now."""
+        return replace(self._status, texts=tuple(self._texts))
+
+    @property
+    def linked(self) -> bool:
+        """Whether the vehicle has been heard lately."""
+        heard = self._status.heard_s
+        return heard is not None and self._time_s - heard <= LINK_LOST_S
+
+    def upload(self, items: Sequence[WireItem], time_s: float) -> Upload:
+        """Send a mission; while another is on its way it waits, and only the newest waits."""
+        self._status = replace(self._status, reached=())
+        return self._uploader.upload(items, time_s)
+
+    def command(self, command: int, *parameters: float) -> PendingCommand:
+        """Send a command (COMMAND_LONG), after those that are still unanswered."""
+        return self._commander.command(command, *parameters)
+
+    def arm(self, *, on: bool = True) -> PendingCommand:
+        """Arm or disarm."""
+        return self.command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1.0 if on else 0.0)
+
+    def set_mode(self, number: int) -> PendingCommand:
+        """Change the mode."""
+        custom = float(mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED)
+        return self.command(mavlink.MAV_CMD_DO_SET_MODE, custom, float(number))
+
+    def start_mission(self) -> PendingCommand:
+        """Start the mission, or go on with it."""
+        return self.command(mavlink.MAV_CMD_MISSION_START)
+
+    def turn_to(self, yaw_rad: float) -> PendingCommand:
+        """Turn on the spot to a heading in the world, in mode Guided."""
+        return self.command(mavlink.MAV_CMD_CONDITION_YAW, heading_deg(yaw_rad))
+
+    def tick(self, time_s: float) -> None:
+        """Hear, answer, repeat, and show that we are here."""
+        self._time_s = time_s
+        for client, message in self.endpoint.poll(time_s):
+            handler = self._handlers.get(message.get_type())
+            if handler is not None and (client.system, client.component) == self._vehicle:
+                handler(message)
+        self._uploader.tick(time_s)
+        self._commander.tick(time_s)
+        if self._beat_s is None or time_s - self._beat_s >= 1.0:
+            self._beat_s = time_s
+            kind, no_autopilot = mavlink.MAV_TYPE_ONBOARD_CONTROLLER, mavlink.MAV_AUTOPILOT_INVALID
+            self._send(mavlink.MAVLink_heartbeat_message(kind, no_autopilot, 0, 0, mavlink.MAV_STATE_ACTIVE, 3))
+
+    def close(self) -> None:
+        """Close the link."""
+        self.endpoint.close()
+
+    def _send(self, message: Message) -> None:
+        self.endpoint.broadcast(message)
+
+    def _heartbeat(self, message: Message) -> None:
+        armed = bool(message.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED)
+        self._status = replace(self._status, heard_s=self._time_s, mode=message.custom_mode, armed=armed)
+
+    def _mission_current(self, message: Message) -> None:
+        known = message.mission_state in set(MissionState)
+        state = MissionState(message.mission_state) if known else None
+        self._status = replace(self._status, current=message.seq, mission_state=state)
+
+    def _reached(self, message: Message) -> None:
+        if message.seq not in self._status.reached:
+            self._status = replace(self._status, reached=(*self._status.reached, message.seq))
+
+    def _text(self, message: Message) -> None:
+        """A text, put together from its chunks: the last is the one with room left."""
+        whole = self._chunks.pop(message.id, "") + message.text if message.id else message.text
+        if message.id and len(message.text) == 50:
+            self._chunks = {message.id: whole}  # chunks of one text come in a row
+            return
+        self._texts.append((self._time_s, message.severity, whole))

@@ -1,0 +1,131 @@
+"""One MAVLink component on any number of links: who is there, what they say, what is said to them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from rover_sim.mavlink.dialect import Message, Packer, Parser
+from rover_sim.mavlink.streams import Streams
+from rover_sim.mavlink.tlog import TlogWriter
+from rover_sim.mavlink.transport import Transport
+
+
+@dataclass(frozen=True)
+class Link:
+    """A transport, and what its peers get without asking."""
+
+    transport: Transport
+    rates_hz: Mapping[int, float]
+
+
+@dataclass(eq=False)
+class Channel:
+    """One peer of one link.
+
+    Sequence numbers are counted by channel, as ArduPilot and PX4 do: a peer measures link loss by their gaps, and
+    what is said to others must not look like loss to it.
+    """
+
+    link: Link
+    peer: str
+    packer: Packer
+    parser: Parser
+    streams: Streams
+
+
+class Client(NamedTuple):
+    """Who is talking: one system and component on one channel.
+
+    Two ground stations may share a system number (QGroundControl and MAVProxy both are 255), so all three count.
+    """
+
+    channel: Channel
+    system: int
+    component: int
+
+
+class Endpoint:
+    """A component's links. With a log, the log hears all that is said and heard."""
+
+    def __init__(self, system: int, component: int, links: Iterable[Link], log: Link | None = None) -> None:
+        self.system = system
+        self.component = component
+        self.time_s = 0.0
+        self._links = list(links)
+        self._channels: dict[tuple[int, str], Channel] = {}
+        self._log = None if log is None else self._channel(log, "tlog")
+        self._tlog = log.transport if log is not None and isinstance(log.transport, TlogWriter) else None
+
+    @property
+    def channels(self) -> list[Channel]:
+        """All listeners, the log included."""
+        return [*self._channels.values(), *([self._log] if self._log else [])]
+
+    def poll(self, time_s: float) -> list[tuple[Client, Message]]:
+        """Messages that have arrived for this component or for everyone."""
+        self.time_s = time_s
+        heard: list[tuple[Client, Message]] = []
+        for number, link in enumerate(self._links):
+            chunks = link.transport.receive(time_s)
+            self._refresh(number, link, time_s)
+            for peer, data in chunks:
+                channel = self._channels.get((number, peer))
+                if channel is None:
+                    continue
+                read = channel.parser.stream if link.transport.is_stream else channel.parser.datagram
+                for message in read(data):
+                    self._record(message, time_s)
+                    if self._is_for_us(message):
+                        heard.append((Client(channel, message.get_srcSystem(), message.get_srcComponent()), message))
+        return heard
+
+    def reply(self, client: Client, message: Message) -> None:
+        """Say something to one client."""
+        self._send(client.channel, message)
+        if self._log is not None and client.channel is not self._log:
+            self._send(self._log, message)
+
+    def stream(self, channel: Channel, message: Message) -> None:
+        """Send to one listener what its schedule asks for."""
+        self._send(channel, message)
+
+    def broadcast(self, message: Message) -> None:
+        """Say something to everyone."""
+        for channel in self.channels:
+            self._send(channel, message)
+
+    def close(self) -> None:
+        """Close all links and the log."""
+        for link in self._links:
+            link.transport.close()
+        if self._log is not None:
+            self._log.link.transport.close()
+
+    def _channel(self, link: Link, peer: str) -> Channel:
+        packer = Packer(self.system, self.component)
+        return Channel(link, peer, packer, Parser(), Streams(link.rates_hz))
+
+    def _refresh(self, number: int, link: Link, time_s: float) -> None:
+        """Peers come and go."""
+        peers = link.transport.peers(time_s)
+        for peer in peers:
+            if (number, peer) not in self._channels:
+                self._channels[number, peer] = self._channel(link, peer)
+        gone = [key for key in self._channels if key[0] == number and key[1] not in peers]
+        for key in gone:
+            del self._channels[key]
+
+    def _send(self, channel: Channel, message: Message) -> None:
+        channel.link.transport.send(channel.packer.pack(message), channel.peer, self.time_s)
+
+    def _record(self, message: Message, time_s: float) -> None:
+        if self._tlog is not None:
+            self._tlog.record(bytes(message.get_msgbuf()), time_s)
+
+    def _is_for_us(self, message: Message) -> bool:
+        """Own number or broadcast; MAVProxy addresses some commands to component 0."""
+        system = getattr(message, "target_system", 0)
+        component = getattr(message, "target_component", 0)
+        return system in (0, self.system) and (system == 0 or component in (0, self.component))

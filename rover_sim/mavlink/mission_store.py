@@ -1,0 +1,43 @@
+"""The vehicle's stored mission: the items as received, and the same ones for the autopilot; replaced whole or not."""
+
+from __future__ import annotations
+
+from rover_sim.autopilot.mission import Item, Mission
+from rover_sim.mavlink.context import Context
+from rover_sim.mavlink.dialect import mavlink
+from rover_sim.mavlink.wire import WAYPOINT, WireItem, typed_item
+
+CAPACITY = 2000
+
+
+class MissionStore:
+    """Items keep the numbers that their sender gave them, home included if the sender put it first."""
+
+    def __init__(self, context: Context) -> None:
+        self._context = context
+        self.items: tuple[WireItem, ...] = ()
+
+    def check(self, item: WireItem, seq: int) -> Item:
+        """The autopilot's item; raises RefusedItemError."""
+        return typed_item(item, seq, self._context.frame, self._context.autopilot.home_w)
+
+    def replace(self, items: list[WireItem]) -> None:
+        """Store checked items and hand them to the autopilot; the item marked as current is where it begins."""
+        if len(items) == 1 and items[0].is_home and items[0].x == items[0].y == 0:
+            items = []  # how MAVSDK clears the mission of an ArduPilot
+        typed = tuple(self.check(item, seq) for seq, item in enumerate(items))
+        marked = next((seq for seq, item in enumerate(items) if item.current == 1), None)
+        self.items = tuple(items)
+        self._context.autopilot.set_mission(Mission(typed), marked)
+
+    def home(self) -> WireItem:
+        """The home position as an item: what seq 0 of an empty mission reads as."""
+        place = self._context.frame.to_geo(self._context.autopilot.home_w)
+        return WireItem(
+            mavlink.MAV_FRAME_GLOBAL,
+            WAYPOINT,
+            (0.0, 0.0, 0.0, 0.0),
+            place.latitude_e7,
+            place.longitude_e7,
+            place.altitude_m,
+        )

@@ -1,0 +1,65 @@
+"""Parameters over MAVLink, values cast to float whatever their type: ArduPilot's encoding."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from rover_sim.mavlink.context import Context, Handler
+from rover_sim.mavlink.dialect import Message, mavlink
+from rover_sim.mavlink.endpoint import Client
+
+_FULL_NAME = 16
+
+
+class ParameterServer:
+    """Lists, reads and sets the autopilot's parameters."""
+
+    def __init__(self, context: Context) -> None:
+        self._context = context
+        self._table = context.autopilot.parameters
+
+    @property
+    def handlers(self) -> Mapping[str, Handler]:
+        """The parameter protocol's requests."""
+        return {"PARAM_REQUEST_LIST": self._list, "PARAM_REQUEST_READ": self._read, "PARAM_SET": self._set}
+
+    def tick(self) -> None:
+        """Nothing happens by itself."""
+
+    def _list(self, client: Client, _message: Message) -> None:
+        for name in self._table.names:
+            self._context.endpoint.reply(client, self._value(name))
+
+    def _read(self, client: Client, message: Message) -> None:
+        names = self._table.names
+        by_name = message.param_index < 0
+        if not by_name and message.param_index < len(names):
+            self._context.endpoint.reply(client, self._value(names[message.param_index]))
+        elif by_name and message.param_id in self._table:
+            self._context.endpoint.reply(client, self._value(message.param_id))
+        else:
+            self._refuse(client, message.param_id, message.param_index, mavlink.MAV_PARAM_ERROR_DOES_NOT_EXIST)
+
+    def _set(self, client: Client, message: Message) -> None:
+        name = message.param_id
+        if name not in self._table:
+            self._refuse(client, name, -1, mavlink.MAV_PARAM_ERROR_DOES_NOT_EXIST)
+        elif self._table.set(name, message.param_value):
+            self._context.endpoint.broadcast(self._value(name))
+        else:
+            self._refuse(client, name, -1, mavlink.MAV_PARAM_ERROR_VALUE_OUT_OF_RANGE)
+            self._context.endpoint.reply(client, self._value(name))  # for clients that know no PARAM_ERROR
+
+    def _value(self, name: str) -> Message:
+        parameter = self._table.describe(name)
+        kind = mavlink.MAV_PARAM_TYPE_INT32 if parameter.integer else mavlink.MAV_PARAM_TYPE_REAL32
+        names = self._table.names
+        return mavlink.MAVLink_param_value_message(
+            name.encode(), self._table[name], kind, len(names), names.index(name)
+        )
+
+    def _refuse(self, client: Client, name: str, index: int, error: int) -> None:
+        text = name.encode("ascii", errors="replace")[:_FULL_NAME]
+        self._context.endpoint.reply(
+            client, mavlink.MAVLink_param_error_message(client.system, client.component, text, index, error)
+        )

@@ -1,0 +1,53 @@
+"""Plans in world coordinates as mission items, home first as ArduPilot numbers them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from rover_sim.mavlink.dialect import mavlink
+from rover_sim.mavlink.geodesy import LocalFrame, heading_deg
+from rover_sim.mavlink.wire import WAYPOINT, WireItem
+from worlds.types import Vector3
+
+_NONE = (0.0, 0.0, 0.0, 0.0)
+
+
+def mission_items(
+    waypoints_w: Sequence[Vector3], frame: LocalFrame, home_w: Vector3, speed_m_s: float | None = None
+) -> list[WireItem]:
+    """Home, a speed if given, and the waypoints, all with heights above home."""
+    speed = [] if speed_m_s is None else [_command(mavlink.MAV_CMD_DO_CHANGE_SPEED, 1.0, speed_m_s, -1.0)]
+    return [home_item(frame, home_w), *speed, *(_waypoint(place, frame, home_w) for place in waypoints_w)]
+
+
+def backing_items(place_w: Vector3, frame: LocalFrame, home_w: Vector3) -> list[WireItem]:
+    """Back up to a place behind the rover, then drive forwards again."""
+    return [
+        home_item(frame, home_w),
+        _command(mavlink.MAV_CMD_DO_SET_REVERSE, 1.0),
+        _waypoint(place_w, frame, home_w),
+        _command(mavlink.MAV_CMD_DO_SET_REVERSE, 0.0),
+    ]
+
+
+def turning_items(yaw_rad: float, frame: LocalFrame, home_w: Vector3) -> list[WireItem]:
+    """Turn on the spot to a heading in the world."""
+    return [home_item(frame, home_w), _command(mavlink.MAV_CMD_CONDITION_YAW, heading_deg(yaw_rad))]
+
+
+def home_item(frame: LocalFrame, home_w: Vector3) -> WireItem:
+    """Item 0: the home position, a waypoint in the absolute frame."""
+    place = frame.to_geo(home_w)
+    return WireItem(mavlink.MAV_FRAME_GLOBAL, WAYPOINT, _NONE, place.latitude_e7, place.longitude_e7, place.altitude_m)
+
+
+def _waypoint(place_w: Vector3, frame: LocalFrame, home_w: Vector3) -> WireItem:
+    place = frame.to_geo(place_w)
+    above_home = place.altitude_m - frame.to_geo(home_w).altitude_m
+    relative = mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT
+    return WireItem(relative, WAYPOINT, _NONE, place.latitude_e7, place.longitude_e7, above_home)
+
+
+def _command(command: int, *parameters: float) -> WireItem:
+    one, two, three, four = (*parameters, *(0.0,) * (4 - len(parameters)))
+    return WireItem(mavlink.MAV_FRAME_MISSION, command, (one, two, three, four), 0, 0, 0.0)

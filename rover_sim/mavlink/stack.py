@@ -1,0 +1,63 @@
+"""The rover's MAVLink as a whole: vehicle and companion in one process, ground stations beside them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from rover_sim.autopilot.autopilot import Autopilot
+from rover_sim.mavlink.companion import Companion
+from rover_sim.mavlink.endpoint import Link
+from rover_sim.mavlink.geodesy import LocalFrame
+from rover_sim.mavlink.memory import memory_link
+from rover_sim.mavlink.streams import COMPANION_RATES, GROUND_STATION_RATES
+from rover_sim.mavlink.tlog import SIMULATED_EPOCH_S, TlogWriter
+from rover_sim.mavlink.transport import Transport, open_link
+from rover_sim.mavlink.vehicle import Vehicle
+from worlds.scenario import Origin
+from worlds.types import PoseEstimate, SensorReadings
+
+
+class MavlinkStack:
+    """Vehicle and companion on a memory link, and one more link for each URL.
+
+    Raises InputError or LinkError if a link cannot be opened; those opened before are closed again.
+    """
+
+    def __init__(
+        self,
+        origin: Origin,
+        autopilot: Autopilot,
+        connect: Sequence[str] = (),
+        tlog: Path | None = None,
+        epoch_s: float = SIMULATED_EPOCH_S,
+    ) -> None:
+        self.frame = LocalFrame(origin)
+        inner, outer = memory_link()
+        links = [Link(inner, COMPANION_RATES)]
+        links += [Link(transport, GROUND_STATION_RATES) for transport in _open(connect)]
+        log = None if tlog is None else Link(TlogWriter(tlog, epoch_s), GROUND_STATION_RATES)
+        self.vehicle = Vehicle(autopilot, self.frame, links, log)
+        self.companion = Companion(Link(outer, {}))
+
+    def tick(self, time_s: float, estimate: PoseEstimate | None, readings: SensorReadings | None) -> None:
+        """One round: the vehicle answers and streams, then the companion; call it right after ``Autopilot.update``."""
+        self.vehicle.tick(time_s, estimate, readings)
+        self.companion.tick(time_s)
+
+    def close(self) -> None:
+        """Close all links and finish the log."""
+        self.companion.close()
+        self.vehicle.close()
+
+
+def _open(urls: Sequence[str]) -> list[Transport]:
+    opened: list[Transport] = []
+    try:
+        for url in urls:
+            opened.append(open_link(url))  # noqa: PERF401  (what was opened must be known when the next one fails)
+    except BaseException:
+        for transport in opened:
+            transport.close()
+        raise
+    return opened

@@ -1,0 +1,80 @@
+"""Health, battery, mission progress and texts."""
+
+from __future__ import annotations
+
+from rover_sim.autopilot.mission import Home
+from rover_sim.autopilot.modes import MissionState, Mode
+from rover_sim.mavlink.context import Context
+from rover_sim.mavlink.dialect import Message, mavlink
+from rover_sim.mavlink.tlog import SIMULATED_EPOCH_S
+
+_TEXT_BYTES = 50  # of one STATUSTEXT
+_ALWAYS = (
+    mavlink.MAV_SYS_STATUS_SENSOR_3D_GYRO
+    | mavlink.MAV_SYS_STATUS_SENSOR_3D_ACCEL
+    | mavlink.MAV_SYS_STATUS_SENSOR_MOTOR_OUTPUTS
+    | mavlink.MAV_SYS_STATUS_AHRS
+    | mavlink.MAV_SYS_STATUS_PREARM_CHECK
+)
+
+
+def sys_status(context: Context) -> Message:
+    """SYS_STATUS: there is no battery in the simulation, so its fields are "unknown"."""
+    gps = mavlink.MAV_SYS_STATUS_SENSOR_GPS if context.gnss is not None else 0
+    enabled = _ALWAYS | gps
+    healthy = enabled | mavlink.MAV_SYS_STATUS_GEOFENCE
+    if context.autopilot.prearm_reason() is not None:
+        healthy &= ~mavlink.MAV_SYS_STATUS_PREARM_CHECK
+    if context.estimate is None:
+        healthy &= ~mavlink.MAV_SYS_STATUS_AHRS
+    # The fence bit is always present and healthy: MAVProxy reports a breach otherwise.
+    present = enabled | mavlink.MAV_SYS_STATUS_GEOFENCE
+    return mavlink.MAVLink_sys_status_message(present, enabled, healthy, 0, 65535, -1, -1, 0, 0, 0, 0, 0, 0)
+
+
+def battery_status(_context: Context) -> Message:
+    """BATTERY_STATUS with everything unknown: QGroundControl takes it as a sign of life."""
+    unknown = (65535,) * 10
+    kind = mavlink.MAV_BATTERY_FUNCTION_UNKNOWN, mavlink.MAV_BATTERY_TYPE_UNKNOWN
+    return mavlink.MAVLink_battery_status_message(0, *kind, 32767, unknown, -1, -1, -1, -1)
+
+
+def extended_sys_state(_context: Context) -> Message:
+    """EXTENDED_SYS_STATE with landed state 0.
+
+    Any other makes QGroundControl's idea of "flying" flicker between this and the heartbeat, and with it the buttons.
+    """
+    undefined = mavlink.MAV_LANDED_STATE_UNDEFINED
+    return mavlink.MAVLink_extended_sys_state_message(mavlink.MAV_VTOL_STATE_UNDEFINED, undefined)
+
+
+def mission_current(context: Context) -> Message:
+    """MISSION_CURRENT; the total leaves a leading home out, as ArduPilot does."""
+    runner = context.autopilot.auto
+    items = runner.mission.items
+    total = len(items) - sum(isinstance(item, Home) for item in items[:1])
+    if runner.state is MissionState.NO_MISSION:
+        total = 65535  # the message's own word for "no mission"
+    in_auto = 1 if context.autopilot.mode is Mode.AUTO else 2
+    return mavlink.MAVLink_mission_current_message(runner.current, total, int(runner.state), in_auto)
+
+
+def slip(context: Context) -> Message:
+    """NAMED_VALUE_FLOAT "slip": share of the wheels' travel that is lost, as the rover believes it."""
+    return mavlink.MAVLink_named_value_float_message(context.boot_ms, b"slip", context.autopilot.failsafe.monitor.slip)
+
+
+def system_time(context: Context) -> Message:
+    """SYSTEM_TIME: simulated time counted from the log's epoch."""
+    return mavlink.MAVLink_system_time_message(round((SIMULATED_EPOCH_S + context.time_s) * 1e6), context.boot_ms)
+
+
+def status_texts(severity: int, text: str, number: int) -> list[Message]:
+    """STATUSTEXT, in numbered chunks if the text is long; ``number`` (1..65535) tells chunked texts apart."""
+    data = text.encode("ascii", errors="replace")
+    chunks = [data[at : at + _TEXT_BYTES] for at in range(0, max(len(data), 1), _TEXT_BYTES)]
+    if len(chunks) == 1:
+        return [mavlink.MAVLink_statustext_message(severity, chunks[0])]
+    if len(chunks[-1]) == _TEXT_BYTES:  # a chunk with room left is what ends a text
+        chunks.append(b"")
+    return [mavlink.MAVLink_statustext_message(severity, chunk, number, at) for at, chunk in enumerate(chunks)]

@@ -1,0 +1,114 @@
+"""Telemetry: the messages that the vehicle can build of its state, and the streams of each listener."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from importlib.metadata import version
+
+from rover_sim.mavlink import attitude, status
+from rover_sim.mavlink.context import Context, Handler
+from rover_sim.mavlink.dialect import Message, mavlink
+from rover_sim.mavlink.endpoint import Client
+from rover_sim.mavlink.heartbeat import autopilot_version, heartbeat
+
+Builder = Callable[[Context], Message | None]  # None: nothing to tell, such as a position before the first pose
+
+BUILDERS: Mapping[int, Builder] = {
+    mavlink.MAVLINK_MSG_ID_HEARTBEAT: lambda context: heartbeat(context.autopilot),
+    mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION: lambda _: autopilot_version(version("rover-sim")),
+    mavlink.MAVLINK_MSG_ID_SYS_STATUS: status.sys_status,
+    mavlink.MAVLINK_MSG_ID_BATTERY_STATUS: status.battery_status,
+    mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: status.extended_sys_state,
+    mavlink.MAVLINK_MSG_ID_MISSION_CURRENT: status.mission_current,
+    mavlink.MAVLINK_MSG_ID_NAMED_VALUE_FLOAT: status.slip,
+    mavlink.MAVLINK_MSG_ID_SYSTEM_TIME: status.system_time,
+    mavlink.MAVLINK_MSG_ID_ATTITUDE: attitude.attitude,
+    mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: attitude.global_position_int,
+    mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED: attitude.local_position_ned,
+    mavlink.MAVLINK_MSG_ID_GPS_RAW_INT: attitude.gps_raw_int,
+    mavlink.MAVLINK_MSG_ID_VFR_HUD: attitude.vfr_hud,
+    mavlink.MAVLINK_MSG_ID_HOME_POSITION: attitude.home_position,
+}
+# The groups of the older REQUEST_DATA_STREAM, as far as there is anything in them.
+_GROUPS: Mapping[int, tuple[int, ...]] = {
+    mavlink.MAV_DATA_STREAM_RAW_SENSORS: (mavlink.MAVLINK_MSG_ID_GPS_RAW_INT,),
+    mavlink.MAV_DATA_STREAM_EXTENDED_STATUS: (
+        mavlink.MAVLINK_MSG_ID_SYS_STATUS,
+        mavlink.MAVLINK_MSG_ID_MISSION_CURRENT,
+        mavlink.MAVLINK_MSG_ID_GPS_RAW_INT,
+    ),
+    mavlink.MAV_DATA_STREAM_POSITION: (mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT,),
+    mavlink.MAV_DATA_STREAM_EXTRA1: (mavlink.MAVLINK_MSG_ID_ATTITUDE,),
+    mavlink.MAV_DATA_STREAM_EXTRA2: (mavlink.MAVLINK_MSG_ID_VFR_HUD,),
+    mavlink.MAV_DATA_STREAM_EXTRA3: (
+        mavlink.MAVLINK_MSG_ID_BATTERY_STATUS,
+        mavlink.MAVLINK_MSG_ID_NAMED_VALUE_FLOAT,
+    ),
+}
+_ALL_GROUPS = tuple({message: None for group in _GROUPS.values() for message in group})
+
+
+class Telemetry:
+    """Serves the streams, and pushes what changed."""
+
+    def __init__(self, context: Context) -> None:
+        self._context = context
+        self._shown: dict[int, tuple[object, ...]] = {}
+
+    @property
+    def handlers(self) -> Mapping[str, Handler]:
+        """The older way to ask for streams; the newer one is a command."""
+        return {"REQUEST_DATA_STREAM": self._data_stream}
+
+    def tick(self) -> None:
+        """Send what is due; a change of mode, arming or mission goes out at once."""
+        context = self._context
+        changed = self._changed()
+        for channel in context.endpoint.channels:
+            due = channel.streams.due(context.time_s)
+            for message_id in changed:
+                channel.streams.sent(message_id, context.time_s)
+            for message_id in dict.fromkeys((*changed, *due)):
+                message = BUILDERS[message_id](context)
+                if message is not None:
+                    context.endpoint.stream(channel, message)
+
+    def send(self, client: Client, message_id: int) -> bool:
+        """Send one message to one client; False if there is no such message or nothing to tell."""
+        builder = BUILDERS.get(message_id)
+        message = builder(self._context) if builder else None
+        if message is None:
+            return False
+        self._context.endpoint.reply(client, message)
+        return True
+
+    def set_interval(self, client: Client, message_id: int, interval_us: float) -> bool:
+        """Change one stream of one client; False if there is no such message."""
+        if message_id not in BUILDERS or not math.isfinite(interval_us):
+            return False
+        client.channel.streams.set_interval(message_id, interval_us, self._context.time_s)
+        return True
+
+    def _changed(self) -> list[int]:
+        """Messages whose content must be known at once; the first tick counts as no change."""
+        autopilot = self._context.autopilot
+        shown: dict[int, tuple[object, ...]] = {
+            mavlink.MAVLINK_MSG_ID_HEARTBEAT: (autopilot.mode, autopilot.armed, autopilot.tripped),
+            mavlink.MAVLINK_MSG_ID_MISSION_CURRENT: (
+                autopilot.auto.current,
+                autopilot.auto.state,
+                len(autopilot.auto.mission.items),
+            ),
+            mavlink.MAVLINK_MSG_ID_HOME_POSITION: (autopilot.home_w,),
+        }
+        changed = [message for message, content in shown.items() if self._shown.get(message, content) != content]
+        self._shown = shown
+        return changed
+
+    def _data_stream(self, client: Client, message: Message) -> None:
+        group = message.req_stream_id
+        ids = _ALL_GROUPS if group == mavlink.MAV_DATA_STREAM_ALL else _GROUPS.get(group, ())
+        on = message.start_stop and message.req_message_rate
+        for message_id in ids:
+            self.set_interval(client, message_id, 1e6 / message.req_message_rate if on else -1.0)

@@ -1,0 +1,74 @@
+"""The vehicle: the component that ground stations and the companion talk to. Its services meet here only."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from rover_sim.autopilot.autopilot import Autopilot
+from rover_sim.autopilot.events import Reached, Text
+from rover_sim.mavlink.command_server import CommandServer
+from rover_sim.mavlink.context import Context, Handler, Service
+from rover_sim.mavlink.dialect import mavlink
+from rover_sim.mavlink.endpoint import Endpoint, Link
+from rover_sim.mavlink.geodesy import LocalFrame
+from rover_sim.mavlink.heartbeat import COMPONENT, SYSTEM
+from rover_sim.mavlink.mission_reader import MissionReader
+from rover_sim.mavlink.mission_server import MissionServer
+from rover_sim.mavlink.mission_store import MissionStore
+from rover_sim.mavlink.parameter_server import ParameterServer
+from rover_sim.mavlink.small_services import ClockService, FileService
+from rover_sim.mavlink.status import status_texts
+from rover_sim.mavlink.telemetry import Telemetry
+from worlds.types import PoseEstimate, SensorReadings
+
+_FIRST_TEXT = 16  # numbers below are taken by the services' own long texts
+
+
+class Vehicle:
+    """Speaks for an autopilot on any number of links, as system 1, component 1."""
+
+    def __init__(self, autopilot: Autopilot, frame: LocalFrame, links: Iterable[Link], log: Link | None = None) -> None:
+        self.endpoint = Endpoint(SYSTEM, COMPONENT, links, log)
+        self._context = Context(autopilot, frame, self.endpoint)
+        self.store = MissionStore(self._context)
+        telemetry = Telemetry(self._context)
+        missions = MissionServer(self._context, self.store)
+        services: tuple[Service, ...] = (
+            telemetry,
+            CommandServer(self._context, telemetry),
+            missions,
+            MissionReader(self._context, self.store, missions),
+            ParameterServer(self._context),
+            ClockService(self._context),
+            FileService(self._context),
+        )
+        self._services = services
+        self._handlers: dict[str, Handler] = {
+            name: handler for service in services for name, handler in service.handlers.items()
+        }
+        self._texts = 0
+
+    def tick(self, time_s: float, estimate: PoseEstimate | None, readings: SensorReadings | None) -> None:
+        """Answer what has arrived, tell what has happened, stream what is due."""
+        self._context.look(time_s, estimate, readings)
+        for client, message in self.endpoint.poll(time_s):
+            handler = self._handlers.get(message.get_type())
+            if handler is not None:
+                handler(client, message)
+        self._tell()
+        for service in self._services:
+            service.tick()
+
+    def close(self) -> None:
+        """Close all links."""
+        self.endpoint.close()
+
+    def _tell(self) -> None:
+        for event in self._context.autopilot.take_events():
+            if isinstance(event, Reached):
+                self.endpoint.broadcast(mavlink.MAVLink_mission_item_reached_message(event.index))
+            elif isinstance(event, Text):
+                self._texts += 1
+                number = _FIRST_TEXT + self._texts % 60000
+                for message in status_texts(int(event.severity), event.text, number):
+                    self.endpoint.broadcast(message)
