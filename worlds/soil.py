@@ -67,9 +67,9 @@ _TABLE = (
     # Calibrated, for a grousered wheel, to the slip-slope band of firm natural ground (Cuadriga field data).
     _row(
         "firm",
-        (0.0, 20000.0),
-        (0.7, 0.0),
-        (0.2, 25.0, 0.6),
+        (0.0, 6.2e6),
+        (1.5, 0.0),
+        (0.2, 25.5, 0.5),
         "ours: stiff natural ground, slip-slope points of the Cuadriga data",
         "cohesive_modulus",
         "frictional_modulus",
@@ -78,14 +78,13 @@ _TABLE = (
         "friction_angle_rad",
         _K,
     ),
-    # Bekker moduli and exponent published; shear terms calibrated to the published slip-slope curves of loose sand.
+    # Bekker part and cohesion published; friction angle and K calibrated to slip-slope curves of loose sand.
     _row(
         "loose_sand",
         (0.99, 1528.43),
         (1.10, 0.0),
-        (1.04, 28.0, 15.0),
-        f"{_WONG}: dry sand (LLL), Bekker part; shear part fitted to published slip-slope curves",
-        "cohesion_Pa",
+        (1.04, 38.5, 16.3),
+        f"{_WONG}: dry sand (LLL), friction angle and K fitted to published slip-slope curves",
         "friction_angle_rad",
         _K,
     ),

@@ -1,0 +1,55 @@
+"""Which obstacle a point in the world belongs to."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from worlds.types import FloatArray, TriangleMesh, Vector3
+
+_REACH_M = 0.25  # a contact may lie this far outside the box around an obstacle's vertices
+
+
+class ObstacleIndex:
+    """Finds the obstacle whose vertices are nearest to a point."""
+
+    def __init__(self, mesh: TriangleMesh) -> None:
+        corners = np.repeat(mesh.owner, 3).astype(np.int64)
+        pairs = np.unique(np.stack([corners, mesh.faces.ravel().astype(np.int64)], axis=1), axis=0)
+        self._ids, starts = np.unique(pairs[:, 0], return_index=True)
+        self._starts = np.append(starts, len(pairs)).astype(np.int64)
+        self._vertices = np.ascontiguousarray(mesh.vertices_m[pairs[:, 1]], dtype=np.float64).reshape(-1, 3)
+        self._low, self._high = _boxes(self._vertices, self._starts)
+
+    def nearest(self, point_w: Vector3) -> int:
+        """Id of the obstacle at a point of contact; 0 if there is none within reach."""
+        if not len(self._ids):
+            return 0
+        place = _nearest(self._vertices, self._starts, self._low, self._high, *point_w)
+        return int(self._ids[place]) if place >= 0 else 0
+
+
+def _boxes(vertices: FloatArray, starts: NDArray[np.int64]) -> tuple[FloatArray, FloatArray]:
+    """Lower and upper corners (n, 3) of the boxes around each obstacle's vertices, widened by the reach."""
+    if not len(vertices):
+        return np.zeros((0, 3)), np.zeros((0, 3))
+    low = np.minimum.reduceat(vertices, starts[:-1]) - _REACH_M
+    high = np.maximum.reduceat(vertices, starts[:-1]) + _REACH_M
+    return low, high
+
+
+@njit(cache=True)
+def _nearest(
+    vertices: FloatArray, starts: NDArray[np.int64], low: FloatArray, high: FloatArray, x: float, y: float, z: float
+) -> int:
+    best, place = 1e300, -1
+    for i in range(low.shape[0]):
+        if x < low[i, 0] or x > high[i, 0] or y < low[i, 1] or y > high[i, 1] or z < low[i, 2] or z > high[i, 2]:
+            continue
+        for k in range(starts[i], starts[i + 1]):
+            dx, dy, dz = vertices[k, 0] - x, vertices[k, 1] - y, vertices[k, 2] - z
+            distance = dx * dx + dy * dy + dz * dz
+            if distance < best:
+                best, place = distance, i
+    return place

@@ -1,0 +1,71 @@
+"""A rover on the ground: soil under its wheels and the belly that may touch."""
+
+from __future__ import annotations
+
+from math import sqrt
+
+import numpy as np
+
+from rover_sim.sim import vehicle_kernel as kernel
+from rover_sim.sim.rover import Box, RoverModel
+from rover_sim.sim.terramechanics import WheelSoil
+from worlds.soil import Soil
+from worlds.types import FloatArray, HeightField
+
+_BELLY_FRICTION = 0.5
+_BELLY_DAMPING_RATIO = 0.5
+
+
+class RoverGround:
+    """What the ground does to one rover; positions are relative to the centre of mass of its chassis."""
+
+    def __init__(self, ground: HeightField, soil: Soil, rover: RoverModel, gravity_m_s2: float) -> None:
+        self.soil = WheelSoil(ground, soil, rover, gravity_m_s2)
+        centre = np.array(rover.chassis.centre_of_mass_m)
+        self._hubs = np.array(rover.wheel.positions_m) - centre
+        self._points = belly_points(rover) - centre
+        stiffness = rover.wheel.stiffness_N_m
+        share = rover.mass_kg / len(self._hubs)
+        damping = 2.0 * _BELLY_DAMPING_RATIO * sqrt(stiffness * share)
+        self._belly = np.array([stiffness, damping, _BELLY_FRICTION])
+        self.raw = np.zeros(13 + len(self._hubs))
+        self.body = np.zeros(kernel.BODY_COLUMNS)
+        self.motion = np.zeros((len(self._hubs), kernel.MOTION_COLUMNS))
+        self.wrench = np.zeros(6)
+
+    def step(self, dt: float) -> int:
+        """Forces for the motion in ``raw``, into ``soil.result`` and ``wrench``; number of belly points that touch."""
+        soil = self.soil
+        return int(
+            kernel.ground_forces(
+                soil.ground,
+                soil.grid,
+                soil.table,
+                soil.constants,
+                self._points,
+                self._belly,
+                self._hubs,
+                self.raw,
+                self.body,
+                self.motion,
+                soil.state,
+                soil.result,
+                self.wrench,
+                dt,
+            )
+        )
+
+
+def belly_points(rover: RoverModel) -> FloatArray:
+    """Points (n, 3) of the hull's underside, body axes: a grid under the lowest box, the corners of the others."""
+    lowest = min(rover.chassis.box, key=lambda box: box.centre_m[2] - 0.5 * box.size_m[2])
+    parts = [_underside(box, (5, 3) if box is lowest else (2, 2)) for box in rover.chassis.box]
+    return np.concatenate(parts)
+
+
+def _underside(box: Box, counts: tuple[int, int]) -> FloatArray:
+    (length, width, height), (x, y, z) = box.size_m, box.centre_m
+    along = np.linspace(x - length / 2, x + length / 2, counts[0])
+    across = np.linspace(y - width / 2, y + width / 2, counts[1])
+    u, v = np.meshgrid(along, across)
+    return np.stack([u.ravel(), v.ravel(), np.full(u.size, z - height / 2)], axis=1)

@@ -1,0 +1,92 @@
+"""The rover's own sensors with seeded noise: inertial unit, compass, satellite receiver, wheel encoders.
+
+Noise figures are of the class of hardware named beside them; they are ours, not of one data sheet.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from math import atan2, floor, radians, tau
+
+import numpy as np
+
+from rover_sim.sim.rover import RoverModel
+from worlds.geometry import rotation_from_quaternion, wrap_angle
+from worlds.types import FloatArray, GnssReading, ImuReading, SensorReadings, Vector3
+
+_ACCELERATION_BIAS_SD = 0.02  # m/s^2, calibrated MEMS
+_ACCELERATION_NOISE_SD = 0.03
+_RATE_BIAS_SD = 0.0005  # rad/s
+_RATE_NOISE_SD = 0.002
+_HEADING_BIAS_SD = radians(0.5)  # calibrated compass or dual antenna
+_HEADING_NOISE_SD = radians(0.5)
+_GNSS_PERIOD_S = 0.2
+_GNSS_HORIZONTAL_SD_M = 0.02  # real-time kinematic fix
+_GNSS_VERTICAL_SD_M = 0.03
+_GNSS_VELOCITY_SD = 0.02  # m/s
+_COUNTS_PER_TURN = 16384
+
+
+class Sensors:
+    """Sensor models of one rover; all randomness comes from ``rng``."""
+
+    def __init__(self, gnss: bool, gravity_m_s2: float, rover: RoverModel, rng: np.random.Generator) -> None:
+        self._gnss, self._gravity, self._rng = gnss, gravity_m_s2, rng
+        self._centre_b = np.array(rover.chassis.centre_of_mass_m)
+        self._acceleration_bias = rng.normal(0.0, _ACCELERATION_BIAS_SD, 3)
+        self._rate_bias = rng.normal(0.0, _RATE_BIAS_SD, 3)
+        self._heading_bias = float(rng.normal(0.0, _HEADING_BIAS_SD))
+        self._last: SensorReadings | None = None
+
+    def start(self, raw: FloatArray, wheel_angles_rad: Sequence[float]) -> None:
+        """Begin at time zero with the rover at rest; ``raw`` as in `vehicle_kernel.ground_forces`."""
+        self._time_s, self._velocity = 0.0, raw[7:10].copy()
+        self._counts = _count(wheel_angles_rad)
+        self._next_fix = 0
+        self._last = None
+
+    def read(self, time_s: float, raw: FloatArray, wheel_angles_rad: Sequence[float]) -> SensorReadings:
+        """Readings now; a second call at the same time repeats them."""
+        if self._last is not None and time_s <= self._last.time_s:
+            return self._last
+        span = time_s - self._time_s
+        rotation = rotation_from_quaternion(raw[3:7])
+        imu = self._imu(rotation, raw, span)
+        speeds = self._wheel_speeds(wheel_angles_rad, span)
+        self._time_s, self._velocity = time_s, raw[7:10].copy()
+        self._last = SensorReadings(time_s, imu, speeds, self._fix(time_s, rotation, raw))
+        return self._last
+
+    def _imu(self, rotation: FloatArray, raw: FloatArray, span: float) -> ImuReading:
+        acceleration = (raw[7:10] - self._velocity) / span if span > 0.0 else np.zeros(3)
+        force = rotation.T @ (acceleration + np.array([0.0, 0.0, self._gravity]))
+        force = force + self._acceleration_bias + self._rng.normal(0.0, _ACCELERATION_NOISE_SD, 3)
+        rate = rotation.T @ raw[10:13] + self._rate_bias + self._rng.normal(0.0, _RATE_NOISE_SD, 3)
+        heading = atan2(rotation[1, 0], rotation[0, 0]) + self._heading_bias
+        heading += float(self._rng.normal(0.0, _HEADING_NOISE_SD))
+        return ImuReading(_vector(force), _vector(rate), wrap_angle(heading))
+
+    def _wheel_speeds(self, angles_rad: Sequence[float], span: float) -> tuple[float, ...]:
+        """Mean speed of each wheel since the last reading, from whole encoder counts."""
+        counts = _count(angles_rad)
+        moved = [now - before for now, before in zip(counts, self._counts, strict=True)]
+        self._counts = counts
+        return tuple(count * tau / _COUNTS_PER_TURN / span if span > 0.0 else 0.0 for count in moved)
+
+    def _fix(self, time_s: float, rotation: FloatArray, raw: FloatArray) -> GnssReading | None:
+        if not self._gnss or time_s + 1e-9 < self._next_fix * _GNSS_PERIOD_S:
+            return None
+        self._next_fix = floor(time_s / _GNSS_PERIOD_S + 1e-6) + 1
+        offset = rotation @ self._centre_b
+        spread = [_GNSS_HORIZONTAL_SD_M, _GNSS_HORIZONTAL_SD_M, _GNSS_VERTICAL_SD_M]
+        position = raw[:3] - offset + self._rng.normal(0.0, spread)
+        velocity = raw[7:10] - np.cross(raw[10:13], offset) + self._rng.normal(0.0, _GNSS_VELOCITY_SD, 3)
+        return GnssReading(_vector(position), _vector(velocity), _GNSS_HORIZONTAL_SD_M)
+
+
+def _count(angles_rad: Sequence[float]) -> list[int]:
+    return [floor(angle * _COUNTS_PER_TURN / tau) for angle in angles_rad]
+
+
+def _vector(values: FloatArray) -> Vector3:
+    return float(values[0]), float(values[1]), float(values[2])

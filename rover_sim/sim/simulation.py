@@ -1,0 +1,187 @@
+"""The rover in its world, one fixed step at a time: motors, soil, rocks, sensors."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Sequence
+from typing import Self
+
+import numpy as np
+
+from rover_sim.sim import placement, truth
+from rover_sim.sim import world as physics
+from rover_sim.sim.bullet import pybullet
+from rover_sim.sim.contacts import ContactReader
+from rover_sim.sim.rover import RoverModel
+from rover_sim.sim.rover_ground import RoverGround
+from rover_sim.sim.sensors import Sensors
+from rover_sim.sim.vehicle_state import BodyContact, VehicleState
+from rover_sim.sim.wheel_kernel import FORCE, POINT
+from worlds.types import SensorReadings, World
+
+_SETTLE_S = 4.0  # at most
+_STILL_SPEED = 2e-4  # m/s and rad/s
+_ACCELERATION_STEPS = 12  # over which the acceleration of the stability measure is taken
+
+
+class Simulation:
+    """A rover on the ground of a world; starts at rest, settled, at time zero."""
+
+    def __init__(
+        self,
+        world: World,
+        rover: RoverModel,
+        rng: np.random.Generator,
+        *,
+        time_step_s: float = physics.TIME_STEP_S,
+    ) -> None:
+        self.world, self.rover, self.dt = world, rover, time_step_s
+        gravity = world.scenario.gravity_m_s2
+        self._ground = RoverGround(world.ground, world.soil, rover, gravity)
+        self._client = physics.connect(gravity, time_step_s)
+        pose = placement.resting_pose(world.ground, world.start, rover, self._ground.soil, gravity)
+        self._body = physics.add_rover(self._client, rover, pose)
+        self._contacts = ContactReader(self._client, self._body, world, physics.add_obstacles(self._client, world))
+        self._sensors = Sensors(world.scenario.sensors.gnss, gravity, rover, rng)
+        self._wheel_targets = [0.0] * len(self._body.wheels)
+        self._recent_motion: deque[truth.Motion] = deque(maxlen=_ACCELERATION_STEPS)
+        self._seen: VehicleState | None = None
+        self._start_clock()
+        physics.drive_wheels(self._client, self._body, self._wheel_targets, rover.motor.max_torque_Nm)
+        self._read()
+        self._settle()
+
+    @property
+    def client(self) -> int:
+        """The PyBullet client."""
+        return self._client
+
+    def step(self, wheel_speed_rad_s: Sequence[float]) -> None:
+        """Advance one time step; the speeds are left front, left rear, right front, right rear."""
+        self._seen = None
+        self._command(wheel_speed_rad_s)
+        self._belly = self._ground.step(self.dt) > 0
+        self._push()
+        self._contacts.before_step(self._ground.raw)
+        pybullet.stepSimulation(physicsClientId=self._client)
+        self._steps += 1
+        self._read()
+        self._contacts.after_step(self.time_s)
+        self._account()
+
+    @property
+    def time_s(self) -> float:
+        """Simulated time since the rover came to rest."""
+        return self._steps * self.dt
+
+    @property
+    def state(self) -> VehicleState:
+        """The truth now; computed when asked for, once a step."""
+        if self._seen is None:
+            self._seen = truth.observe(self._snapshot())
+        return self._seen
+
+    def read_sensors(self) -> SensorReadings:
+        """What the rover's own sensors say now, averaged over the time since the last reading where they do so."""
+        return self._sensors.read(self.time_s, self._ground.raw, self._wheel_angles)
+
+    def take_contacts(self) -> tuple[BodyContact, ...]:
+        """Contacts of the hull with obstacles since the last call, the hardest of each obstacle."""
+        return self._contacts.take()
+
+    def close(self) -> None:
+        """Free the physics client; harmless when repeated."""
+        if self._client >= 0:
+            pybullet.disconnect(physicsClientId=self._client)
+            self._client = -1
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def _start_clock(self) -> None:
+        self._steps = 0
+        self._energy_J = 0.0
+        self._power_W = self.rover.motor.idle_power_W
+        self._belly = False
+
+    def _settle(self) -> None:
+        """Let the rover come to rest with its wheels held, then start the clock."""
+        still = 0
+        held = [0.0] * len(self._wheel_targets)
+        for _ in range(int(_SETTLE_S / self.dt)):
+            self.step(held)
+            speeds = self._ground.raw[7:13]
+            still = still + 1 if np.abs(speeds).max() < _STILL_SPEED else 0
+            if still > 0.1 / self.dt:
+                break
+        self._start_clock()
+        self._contacts.take()
+        self._sensors.start(self._ground.raw, self._wheel_angles)
+
+    def _command(self, speeds: Sequence[float]) -> None:
+        """Move the motors' set points toward the command, within their acceleration and speed."""
+        motor = self.rover.motor
+        change = motor.max_acceleration_rad_s2 * self.dt
+        targets = [
+            now + min(max(min(max(wish, -motor.max_speed_rad_s), motor.max_speed_rad_s) - now, -change), change)
+            for now, wish in zip(self._wheel_targets, speeds, strict=True)
+        ]
+        if targets != self._wheel_targets:
+            self._wheel_targets = targets
+            physics.drive_wheels(self._client, self._body, targets, motor.max_torque_Nm)
+
+    def _push(self) -> None:
+        """Hand the forces of the ground to PyBullet."""
+        client, body = self._client, self._body.body
+        for link, row in zip(self._body.wheels, self._ground.soil.result[:, :6].tolist(), strict=True):
+            pybullet.applyExternalForce(
+                body, link, row[FORCE : FORCE + 3], row[POINT : POINT + 3], pybullet.WORLD_FRAME, physicsClientId=client
+            )
+        if self._belly:
+            wrench = self._ground.wrench.tolist()
+            centre = self._ground.raw[:3].tolist()
+            pybullet.applyExternalForce(
+                body, physics.CHASSIS, wrench[:3], centre, pybullet.WORLD_FRAME, physicsClientId=client
+            )
+            pybullet.applyExternalTorque(
+                body, physics.CHASSIS, wrench[3:], pybullet.WORLD_FRAME, physicsClientId=client
+            )
+
+    def _read(self) -> None:
+        """Fetch what the next step and the sensors need; nothing else, as each call costs microseconds."""
+        client, body, raw = self._client, self._body.body, self._ground.raw
+        position, quaternion = pybullet.getBasePositionAndOrientation(body, physicsClientId=client)
+        velocity, rate = pybullet.getBaseVelocity(body, physicsClientId=client)
+        joints = pybullet.getJointStates(body, self._body.wheels, physicsClientId=client)
+        self._wheel_angles = [joint[0] for joint in joints]
+        self._wheel_speeds = [joint[1] for joint in joints]
+        self._torques = [joint[3] for joint in joints]
+        raw[:] = (*position, *quaternion, *velocity, *rate, *self._wheel_speeds)
+        self._recent_motion.append((velocity, rate))
+
+    def _account(self) -> None:
+        work = sum(max(torque * speed, 0.0) for torque, speed in zip(self._torques, self._wheel_speeds, strict=True))
+        self._power_W = work + self.rover.motor.idle_power_W
+        self._energy_J += self._power_W * self.dt
+
+    def _snapshot(self) -> truth.Snapshot:
+        return truth.Snapshot(
+            time_s=self.time_s,
+            dt=self.dt,
+            gravity_m_s2=self.world.scenario.gravity_m_s2,
+            rover=self.rover,
+            ground=self.world.ground,
+            raw=self._ground.raw.copy(),
+            wheels=self._ground.soil.result.copy(),
+            rock_loads_N=self._contacts.wheel_loads(),
+            torques_Nm=np.array(self._torques),
+            power_W=self._power_W,
+            energy_J=self._energy_J,
+            belly_contact=self._belly,
+            body_contacts=self._contacts.body,
+            wheel_contacts=self._contacts.wheel_ids(),
+            motion=tuple(self._recent_motion),
+        )

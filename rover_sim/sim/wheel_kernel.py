@@ -1,0 +1,237 @@
+"""The compiled wheel-soil step: contact, plastic sinkage and shear of all wheels at once.
+
+Contact: a plane through seven heights under the wheel (the tyre envelops what is smaller), penetration of the rim
+along its normal, a spring and damper on what the plastic sinkage leaves. Sinkage and traction relax toward the steady
+Wong-Reece wheel (a table over load and slip) over one contact length of travel. The shear displacement (j_x, j_y) of
+each wheel is a state, so that a parked wheel is held by a spring and both directions share one limit.
+"""
+
+from __future__ import annotations
+
+from math import atan2, exp, sqrt
+
+from numba import njit
+
+from rover_sim.sim.ground_kernel import ground_height
+from worlds.types import FloatArray
+
+Triple = tuple[float, float, float]
+
+# Columns of the state of a wheel, kept from step to step.
+SHEAR_X, SHEAR_Y, SINKAGE, CONTACT = 0, 1, 2, 3
+STATE_COLUMNS = 4
+# Columns of the result: force on the wheel in the world, where it acts, and what the recorder wants.
+FORCE, POINT, NORMAL, SLIP, SLIP_ANGLE, DEPTH, DRAWBAR, THRUST, SPEED = 0, 3, 6, 7, 8, 9, 10, 11, 12
+RESULT_COLUMNS = 13
+# Places in the vector of constants.
+(
+    RADIUS,
+    WIDTH,
+    SHEAR_RADIUS,
+    STIFFNESS,
+    DAMPING,
+    SHEAR_DAMPING,
+    SPIN_MASS,
+    COHESION,
+    TAN_PHI,
+    LOAD_STEP,
+    SETTLING,
+) = range(11)
+CONSTANTS = 11
+
+_ROLL_SPEED = 0.02  # m/s; below it rolling resistance fades to nothing, as a parked wheel has none
+_SLIP_SPEED = 0.02  # m/s; below it a slip ratio says nothing
+_SHORTEST = 1e-4  # m of contact
+_SPIN_DAMPING = 0.4  # of the wheel's inertia a step; explicit damping above 1 would ring
+_CLEAR = 0.01  # m above its rut a wheel forgets it
+_FORGET_S = 0.05
+_ONSET = 0.002  # m of penetration over which damping sets in
+_PROBE_SLIP = 0.05  # where the stiffness of the unloaded shear spring is taken
+_ENVELOPE = 0.5  # half length of the sampled ground, in wheel radii
+
+
+@njit(cache=True)
+def steady(table: FloatArray, load_step: float, load: float, slip: float) -> tuple[float, float, float, float]:
+    """Thrust and resistance per load, sinkage and contact length at a load (N) and slip (0..1), bilinear."""
+    rows, columns = table.shape[0], table.shape[1]
+    u = min(sqrt(max(load, 0.0)) / load_step, rows - 1.000001)
+    v = min(sqrt(min(max(slip, 0.0), 1.0)) * (columns - 1), columns - 1.000001)
+    i, j = int(u), int(v)
+    a, b = u - i, v - j
+    w00, w01, w10, w11 = (1 - a) * (1 - b), (1 - a) * b, a * (1 - b), a * b
+    thrust = w00 * table[i, j, 0] + w01 * table[i, j + 1, 0] + w10 * table[i + 1, j, 0] + w11 * table[i + 1, j + 1, 0]
+    resist = w00 * table[i, j, 1] + w01 * table[i, j + 1, 1] + w10 * table[i + 1, j, 1] + w11 * table[i + 1, j + 1, 1]
+    sink = w00 * table[i, j, 2] + w01 * table[i, j + 1, 2] + w10 * table[i + 1, j, 2] + w11 * table[i + 1, j + 1, 2]
+    length = w00 * table[i, j, 3] + w01 * table[i, j + 1, 3] + w10 * table[i + 1, j, 3] + w11 * table[i + 1, j + 1, 3]
+    return thrust, resist, sink, length
+
+
+@njit(cache=True)
+def _unit(x: float, y: float, z: float) -> tuple[float, float, float]:
+    length = sqrt(x * x + y * y + z * z)
+    return x / length, y / length, z / length
+
+
+@njit(cache=True)
+def _ground_plane(
+    ground: FloatArray,
+    grid: tuple[float, float, float],
+    hub: tuple[float, float],
+    forward: tuple[float, float],
+    spans: tuple[float, float],
+) -> tuple[float, float, float]:
+    """Height and slopes (along ``forward``, to its left) of the plane that fits the ground under a wheel."""
+    x0, y0, inverse = grid
+    hx, hy = hub
+    fx, fy = forward
+    half, side = spans
+    h0 = ground_height(ground, x0, y0, inverse, hx, hy)
+    h1 = ground_height(ground, x0, y0, inverse, hx + half * fx, hy + half * fy)
+    h2 = ground_height(ground, x0, y0, inverse, hx - half * fx, hy - half * fy)
+    h3 = ground_height(ground, x0, y0, inverse, hx + 0.5 * half * fx, hy + 0.5 * half * fy)
+    h4 = ground_height(ground, x0, y0, inverse, hx - 0.5 * half * fx, hy - 0.5 * half * fy)
+    h5 = ground_height(ground, x0, y0, inverse, hx - side * fy, hy + side * fx)
+    h6 = ground_height(ground, x0, y0, inverse, hx + side * fy, hy - side * fx)
+    level = (3.0 * h0 + 2.0 * (h3 + h4) + h1 + h2) / 9.0
+    along = ((h1 - h2) + 0.5 * (h3 - h4)) / (2.5 * half)  # least squares over the five
+    return level, along, (h5 - h6) / (2.0 * side)
+
+
+@njit(cache=True)
+def _cross(a: Triple, b: Triple) -> Triple:
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+@njit(cache=True)
+def _dot(a: Triple, b: Triple) -> float:
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@njit(cache=True)
+def _contact(
+    ground: FloatArray, grid: tuple[float, float, float], hub: Triple, axle: Triple, spans: tuple[float, float]
+) -> tuple[Triple, Triple, Triple, Triple, float]:
+    """Ground normal, direction from the lowest point of the rim to the hub, forward and left along the ground, reach.
+
+    All are unit vectors in the world; the reach (m) goes from the hub to the ground along the wheel.
+    """
+    forward = _unit(axle[1], -axle[0], 0.0)  # axle x up: level
+    level, along, across = _ground_plane(ground, grid, (hub[0], hub[1]), (forward[0], forward[1]), spans)
+    fx, fy = forward[0], forward[1]
+    normal = _unit(-along * fx + across * fy, -along * fy - across * fx, 1.0)
+    # The lowest point of the rim lies along the normal projected into the plane of the wheel.
+    tilt = _dot(normal, axle)
+    dx, dy, dz = normal[0] - tilt * axle[0], normal[1] - tilt * axle[1], normal[2] - tilt * axle[2]
+    cosine = sqrt(dx * dx + dy * dy + dz * dz)
+    spoke = (dx / cosine, dy / cosine, dz / cosine)
+    ahead = _cross(axle, spoke)
+    return normal, spoke, ahead, _cross(normal, ahead), (hub[2] - level) * normal[2] / cosine
+
+
+@njit(cache=True)
+def _sink(
+    table: FloatArray, constants: FloatArray, state: FloatArray, normal: float, speeds: Triple, dt: float
+) -> None:
+    """Move contact length and plastic sinkage of a wheel toward the steady wheel; ``speeds`` as in `_traction`."""
+    rim, vx, vy = speeds
+    length = max(state[CONTACT], _SHORTEST)
+    slip = min(sqrt(state[SHEAR_X] ** 2 + state[SHEAR_Y] ** 2) / length, 1.0)
+    _, _, sink, length = steady(table, constants[LOAD_STEP], normal, slip)
+    state[CONTACT] = max(length, _SHORTEST)
+    # At once where the load grows, else over the ground that comes under the wheel.
+    renewal = dt * (max(abs(rim), abs(vx)) + abs(vy)) / state[CONTACT]
+    if sink > state[SINKAGE]:
+        renewal += dt * constants[SETTLING]
+    state[SINKAGE] += (sink - state[SINKAGE]) * (1.0 - exp(-renewal))
+
+
+@njit(cache=True)
+def _shear(state: FloatArray, speeds: Triple, dt: float) -> tuple[float, float]:
+    """Advance the shear displacement of a wheel; its rates (m/s). The leak is implicit: any slip speed is stable."""
+    rim, vx, vy = speeds
+    length, old_x, old_y = state[CONTACT], state[SHEAR_X], state[SHEAR_Y]
+    leak = 1.0 + dt * max(abs(rim), abs(vx)) / length
+    new_x, new_y = (old_x + dt * (rim - vx)) / leak, (old_y - dt * vy) / leak
+    shrink = min(1.0, length / max(sqrt(new_x * new_x + new_y * new_y), 1e-12))
+    state[SHEAR_X], state[SHEAR_Y] = shrink * new_x, shrink * new_y
+    return (state[SHEAR_X] - old_x) / dt, (state[SHEAR_Y] - old_y) / dt
+
+
+@njit(cache=True)
+def _traction(
+    table: FloatArray, constants: FloatArray, state: FloatArray, normal: float, speeds: Triple, dt: float
+) -> Triple:
+    """Thrust forward and left, and drag (N), of a wheel under load; advances its state.
+
+    ``speeds``: of the rim, of the hub forward and of the contact to the left (m/s).
+    """
+    rim, vx, _ = speeds
+    _sink(table, constants, state, normal, speeds, dt)
+    rate_x, rate_y = _shear(state, speeds, dt)
+    length, load_step = state[CONTACT], constants[LOAD_STEP]
+    size = sqrt(state[SHEAR_X] ** 2 + state[SHEAR_Y] ** 2)
+    thrust0 = steady(table, load_step, normal, 0.0)[0]
+    thrust, resistance, _, _ = steady(table, load_step, normal, size / length)
+    gain = normal * (thrust - thrust0) / max(size, 1e-12)
+    stretch = max(size / length, _PROBE_SLIP)
+    spring = normal * max(steady(table, load_step, normal, stretch)[0] - thrust0, 0.0) / (stretch * length)
+    damping = min(constants[SHEAR_DAMPING] * sqrt(spring), _SPIN_DAMPING * constants[SPIN_MASS] / dt)
+    rolling = max(-1.0, min(1.0, (rim if abs(rim) >= abs(vx) else vx) / _ROLL_SPEED))
+    force_x = gain * state[SHEAR_X] + damping * rate_x + rolling * normal * thrust0
+    force_y = gain * state[SHEAR_Y] + damping * rate_y
+    limit = constants[COHESION] * constants[WIDTH] * length + normal * constants[TAN_PHI]
+    share = min(1.0, limit / max(sqrt(force_x * force_x + force_y * force_y), 1e-12))
+    return share * force_x, share * force_y, rolling * normal * resistance
+
+
+@njit(cache=True)
+def _slip_ratio(rim: float, vx: float) -> float:
+    """Driving 1 - v / (omega r), braking (omega r - v) / v; mirrored for backward travel, fading near standstill."""
+    sign = 1.0 if (rim if abs(rim) >= abs(vx) else vx) >= 0.0 else -1.0
+    return max(-1.0, min(1.0, sign * (rim - vx) / max(abs(rim), abs(vx), _SLIP_SPEED)))
+
+
+@njit(cache=True)
+def wheel_forces(
+    ground: FloatArray,
+    grid: tuple[float, float, float],
+    table: FloatArray,
+    constants: FloatArray,
+    motion: FloatArray,
+    state: FloatArray,
+    result: FloatArray,
+    dt: float,
+) -> None:
+    """Advance the soil under every wheel by ``dt`` and write the forces on the wheels.
+
+    ``motion`` (n, 13): hub position, hub velocity, unit axle (left), carrier rate (all world), rotation rate of the
+    wheel about its axle. ``state`` (n, 4) is updated, ``result`` (n, 13) written; columns as named above.
+    """
+    radius, shear_radius = constants[RADIUS], constants[SHEAR_RADIUS]
+    spans = (_ENVELOPE * radius, 0.5 * constants[WIDTH])
+    for i in range(motion.shape[0]):
+        m, out, own = motion[i], result[i], state[i]
+        hub, velocity, rate = (m[0], m[1], m[2]), (m[3], m[4], m[5]), (m[9], m[10], m[11])
+        normal, spoke, ahead, left, reach = _contact(ground, grid, hub, (m[6], m[7], m[8]), spans)
+        vx = _dot(velocity, ahead)
+        vy = _dot(velocity, left) - reach * _dot(_cross(rate, spoke), left)
+        rim = m[12] * shear_radius
+        elastic = radius - reach - own[SINKAGE]
+        load = 0.0
+        if elastic > 0.0:
+            onset = min(elastic / _ONSET, 1.0)
+            load = max(constants[STIFFNESS] * elastic - constants[DAMPING] * onset * _dot(velocity, normal), 0.0)
+        thrust = side = drag = 0.0
+        if load > 0.0:
+            thrust, side, drag = _traction(table, constants, own, load, (rim, vx, vy), dt)
+        else:
+            own[SHEAR_X] = own[SHEAR_Y] = 0.0
+            if elastic < -_CLEAR:  # fresh soil next time
+                own[SINKAGE] *= exp(-dt / _FORGET_S)
+        # Thrust acts at the shearing radius; the drag is the normal force that has moved ahead of the axle.
+        shift = drag * shear_radius / load if load > 0.0 else 0.0
+        for k in range(3):
+            out[FORCE + k] = load * normal[k] + (thrust - drag) * ahead[k] + side * left[k]
+            out[POINT + k] = hub[k] - shear_radius * spoke[k] + shift * ahead[k]
+        out[NORMAL], out[DRAWBAR], out[THRUST], out[DEPTH] = load, thrust - drag, thrust, own[SINKAGE]
+        out[SLIP], out[SLIP_ANGLE], out[SPEED] = _slip_ratio(rim, vx), atan2(vy, max(abs(vx), _SLIP_SPEED)), vx

@@ -1,0 +1,133 @@
+"""The PyBullet side: one client with the rover and the obstacles in it; the ground is not a body."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from rover_sim.sim.bullet import pybullet
+from rover_sim.sim.rover import RoverModel
+from rover_sim.sim.rover_urdf import WHEEL_NAMES, urdf
+from worlds.types import FloatArray, IntArray, Pose, TriangleMesh, World
+
+TIME_STEP_S = 1.0 / 240.0
+CHASSIS = -1  # PyBullet's link number of the base
+
+_MOST_VERTICES = 131_072  # of one mesh given to PyBullet
+_MOST_INDICES = 524_288
+_ROCK_FRICTION = 0.7  # PyBullet multiplies the coefficients of both bodies
+_WHEEL_FRICTION = 1.0
+_CHASSIS_FRICTION = 0.6
+
+
+@dataclass(frozen=True)
+class RoverBody:
+    """The rover in PyBullet; link and joint numbers agree, as every joint has one child link."""
+
+    body: int
+    wheels: tuple[int, ...]  # links, in the order of the rover file
+
+
+def connect(gravity_m_s2: float, time_step_s: float = TIME_STEP_S) -> int:
+    """A new headless client with gravity and time step set; its number."""
+    client = int(pybullet.connect(pybullet.DIRECT))
+    pybullet.setGravity(0.0, 0.0, -gravity_m_s2, physicsClientId=client)
+    pybullet.setPhysicsEngineParameter(
+        fixedTimeStep=time_step_s,
+        numSolverIterations=20,
+        deterministicOverlappingPairs=0,  # another value gives another trajectory
+        enableFileCaching=0,
+        physicsClientId=client,
+    )
+    return client
+
+
+def add_rover(client: int, rover: RoverModel, pose: Pose) -> RoverBody:
+    """Load a rover with its body origin at ``pose``, motors holding its wheels."""
+    with tempfile.TemporaryDirectory(prefix="rover-sim-") as folder:
+        path = Path(folder) / "rover.urdf"
+        path.write_text(urdf(rover), encoding="utf-8")
+        flags = pybullet.URDF_USE_IMPLICIT_CYLINDER | pybullet.URDF_USE_INERTIA_FROM_FILE
+        body = int(
+            pybullet.loadURDF(
+                str(path), pose.position_w.tolist(), pose.quaternion_w.tolist(), flags=flags, physicsClientId=client
+            )
+        )
+    joints = {
+        pybullet.getJointInfo(body, number, physicsClientId=client)[12].decode(): number
+        for number in range(pybullet.getNumJoints(body, physicsClientId=client))
+    }
+    wheels = tuple(joints[name] for name in WHEEL_NAMES)
+    _set_dynamics(client, body, wheels)
+    return RoverBody(body, wheels)
+
+
+def _set_dynamics(client: int, body: int, wheels: Sequence[int]) -> None:
+    """No artificial damping; friction against rock only, as the ground is the soil model's."""
+    for link, friction in [(CHASSIS, _CHASSIS_FRICTION), *((wheel, _WHEEL_FRICTION) for wheel in wheels)]:
+        pybullet.changeDynamics(
+            body,
+            link,
+            lateralFriction=friction,
+            spinningFriction=0.0,
+            rollingFriction=0.0,
+            restitution=0.0,
+            linearDamping=0.0,
+            angularDamping=0.0,
+            jointDamping=0.0,
+            physicsClientId=client,
+        )
+
+
+def drive_wheels(client: int, rover: RoverBody, speeds_rad_s: Sequence[float], torque_Nm: float) -> None:
+    """Set the speeds that the motors hold, each with at most ``torque_Nm``."""
+    pybullet.setJointMotorControlArray(
+        rover.body,
+        rover.wheels,
+        pybullet.VELOCITY_CONTROL,
+        targetVelocities=speeds_rad_s,
+        forces=[torque_Nm] * len(rover.wheels),
+        physicsClientId=client,
+    )
+
+
+def add_obstacles(client: int, world: World) -> tuple[int, ...]:
+    """Add all rocks and cylinders as static bodies; one, or several where PyBullet could not hold one."""
+    return tuple(
+        _add_mesh(client, vertices, faces)
+        for vertices, faces in mesh_tiles(world.collision_mesh, _MOST_VERTICES, _MOST_INDICES)
+    )
+
+
+def _add_mesh(client: int, vertices: FloatArray, faces: IntArray) -> int:
+    shape = pybullet.createCollisionShape(
+        pybullet.GEOM_MESH,
+        vertices=vertices.tolist(),
+        indices=faces.ravel().tolist(),
+        flags=pybullet.GEOM_FORCE_CONCAVE_TRIMESH | pybullet.GEOM_CONCAVE_INTERNAL_EDGE,
+        physicsClientId=client,
+    )
+    body = int(pybullet.createMultiBody(0.0, shape, physicsClientId=client))
+    pybullet.changeDynamics(body, -1, lateralFriction=_ROCK_FRICTION, restitution=0.0, physicsClientId=client)
+    return body
+
+
+def mesh_tiles(mesh: TriangleMesh, most_vertices: int, most_indices: int) -> Iterator[tuple[FloatArray, IntArray]]:
+    """Vertices (V, 3) and faces (F, 3) of pieces of a mesh that stay within both limits, by halving its longer side."""
+    if not len(mesh.faces):
+        return
+    stack = [np.arange(len(mesh.faces))]
+    centres = mesh.vertices_m[mesh.faces].mean(axis=1)
+    while stack:
+        chosen = stack.pop()
+        used, faces = np.unique(mesh.faces[chosen], return_inverse=True)
+        if len(used) <= most_vertices and 3 * len(chosen) <= most_indices:
+            yield mesh.vertices_m[used], faces.reshape(-1, 3).astype(np.int32)
+            continue
+        axis = int(np.argmax(np.ptp(centres[chosen, :2], axis=0)))
+        order = chosen[np.argsort(centres[chosen, axis], kind="stable")]
+        stack += [order[len(order) // 2 :], order[: len(order) // 2]]
