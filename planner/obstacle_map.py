@@ -52,10 +52,9 @@ class Frame2:
     def to_world(self, points: FloatArray) -> FloatArray:
         """World coordinates of local points (..., 2)."""
         sin, cos = np.sin(self.heading_rad), np.cos(self.heading_rad)
-        turned = np.stack(
-            [points[..., 0] * cos - points[..., 1] * sin, points[..., 0] * sin + points[..., 1] * cos], -1
-        )
-        return turned + np.asarray(self.origin_w)
+        x, y = np.moveaxis(points, -1, 0)
+        turned: FloatArray = np.stack([x * cos - y * sin, x * sin + y * cos], axis=-1) + np.asarray(self.origin_w)
+        return turned
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,0 +1,234 @@
+"""Choosing a way: straight to the goal if the row search allows, else round, else through a narrower gap.
+
+A row search that ends at a blocked row is the sign of a dead end. Then the goal field, over all that is remembered,
+names a sub-goal on the way out and the row search is made towards that one.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from planner.goal_field import GoalField, goal_field
+from planner.ground_cells import sample
+from planner.obstacle_map import DriveModel, Frame2, obstacle_grid, segment_clearance
+from planner.room import turn_range
+from planner.row_search import Candidate, EndCost, RowModel, RowSearch, Task, search
+from planner.terrain_map import TerrainMemory
+from planner.traversability import PathFeatures, TraversabilityRules, traversability
+from worlds.types import FloatArray, Footprint
+
+SUB_GOALS_M = (6.5, 4.5, 3.0, 2.0, 1.2)  # along the field's way, tried in turn
+WORTH_M = 4.0  # metres of way that full traversability is worth when candidates are compared
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where the rover is, where it wants to go, and how the ground tilts."""
+
+    position_w: tuple[float, float]
+    heading_rad: float
+    goal_w: tuple[float, float]
+    goal_radius_m: float
+    slope_deg: float = 0.0
+
+
+@dataclass(frozen=True)
+class Models:
+    """All that planning is tuned by."""
+
+    footprint: Footprint
+    drive: DriveModel = DriveModel()  # noqa: RUF009 - frozen
+    rows: RowModel = RowModel()  # noqa: RUF009 - frozen
+    rules: TraversabilityRules | None = None  # None: the shipped ones
+
+
+@dataclass(frozen=True, eq=False)
+class Choice:
+    """The way chosen, and the others; ``way`` is None when there is none."""
+
+    way: Candidate | None
+    traversability: float
+    candidates: tuple[Candidate, ...]
+    scores: tuple[float, ...]  # traversability of each candidate
+    detour: bool  # round by a sub-goal
+    squeeze: bool  # with the narrow margin
+    enclosed: bool  # no way at all through what is remembered
+    reason: str
+
+
+def choose(memory: TerrainMemory, table_w: FloatArray, place: Place, models: Models, *, detour: bool) -> Choice:
+    """The best way from ``place`` among the obstacles ``table_w`` (N, 7); ``detour`` tells that it is on a way round.
+
+    On a detour the straight way is taken again only when the field finds it no worse than the way round.
+    """
+    straight = None
+    if not detour:
+        straight = _direct(memory, table_w, place, models, squeeze=False, end_cost=_distance_to(place))
+        if straight.blocked_row is None and straight.candidates:
+            return _chosen(
+                straight, table_w, place, models, detour=False, squeeze=False, reason="free rows to the goal"
+            )
+    for squeeze in (False, True):
+        field = _field(memory, table_w, place, models, squeeze=squeeze)
+        here = float(field.at(np.array([place.position_w]))[0])
+        if not np.isfinite(here):
+            continue
+        choice = _round(memory, table_w, place, models, field, here, squeeze=squeeze)
+        if choice is not None:
+            return choice
+    enclosed = not np.isfinite(here)
+    row = straight.blocked_row if straight is not None else None
+    where = f"row {row} ahead is blocked" if row is not None else "no row is free"
+    return Choice(None, 0.0, (), (), detour=True, squeeze=True, enclosed=enclosed, reason=where)
+
+
+def way_cost(
+    waypoints_w: FloatArray, memory: TerrainMemory, table_w: FloatArray, place: Place, models: Models
+) -> float:
+    """Cost of any polyline, in metres of way, the straight rest to the goal included: to compare old and new ways."""
+    points = dense(waypoints_w, 0.25)
+    low, high = points.min(axis=0) - 0.1, points.max(axis=0) + 0.1
+    shape = (max(2, int(np.ceil((high[0] - low[0]) / 0.15))), max(2, int(np.ceil((high[1] - low[1]) / 0.15))))
+    grid = obstacle_grid(table_w, (low[0], high[0]), (low[1], high[1]), shape)
+    index = np.round((points - low) / [grid.step_x_m, grid.step_y_m]).astype(np.int64)
+    index = np.clip(index, 0, np.array(shape) - 1)
+    need = models.drive.need_m(models.footprint)
+    close = np.clip(
+        (need + models.drive.comfort_m - grid.clearance_m[index[:, 0], index[:, 1]]) / models.drive.comfort_m, 0, 1
+    )
+    seen, rough = sample(memory.cells, points)
+    rows = models.rows
+    metre = 1.0 + rows.hill_cost * grid.hill[index[:, 0], index[:, 1]] + rows.near_cost * close**2
+    metre += rows.rough_cost * rough + rows.unseen_cost * ~seen
+    length = float(np.linalg.norm(np.diff(waypoints_w, axis=0), axis=1).sum())
+    rest = float(np.linalg.norm(waypoints_w[-1] - np.asarray(place.goal_w)))
+    return length * float(metre.mean()) + rest
+
+
+def dense(waypoints_w: FloatArray, spacing_m: float) -> FloatArray:
+    """The polyline with points at most ``spacing_m`` apart."""
+    pieces = []
+    for start, end in pairwise(waypoints_w):
+        count = max(1, int(np.ceil(np.linalg.norm(end - start) / spacing_m)))
+        pieces.append(start + (end - start) * (np.arange(count) / count)[:, None])
+    return np.concatenate([*pieces, waypoints_w[-1:]])
+
+
+def score(
+    candidates: tuple[Candidate, ...], table_w: FloatArray, place: Place, models: Models, need_m: float
+) -> FloatArray:
+    """Traversability (N,) of candidate ways."""
+    straight = np.array([np.linalg.norm(c.waypoints_w[-1] - c.waypoints_w[0]) for c in candidates])
+    clear = [segment_clearance(table_w, c.waypoints_w[1:]).min(initial=c.clearance_m) for c in candidates]
+    features = PathFeatures(
+        spare_m=np.maximum(np.array(clear) - need_m, 0.0),
+        risk=np.array([c.hill for c in candidates]),
+        roughness=np.array([c.roughness for c in candidates]),
+        slope_deg=np.full(len(candidates), place.slope_deg),
+        length_ratio=np.array([c.length_m for c in candidates]) / np.maximum(straight, 1e-6),
+    )
+    return traversability(features, models.rules)
+
+
+def _direct(
+    memory: TerrainMemory, table_w: FloatArray, place: Place, models: Models, *, squeeze: bool, end_cost: EndCost
+) -> RowSearch:
+    return _towards(memory, table_w, place, models, np.asarray(place.goal_w), squeeze=squeeze, end_cost=end_cost)
+
+
+def _towards(
+    memory: TerrainMemory,
+    table_w: FloatArray,
+    place: Place,
+    models: Models,
+    target_w: FloatArray,
+    *,
+    squeeze: bool,
+    end_cost: EndCost,
+) -> RowSearch:
+    """Row search from the rover in the frame that points at a target."""
+    position = np.asarray(place.position_w)
+    offset = target_w - position
+    distance = float(np.linalg.norm(offset))
+    frame = Frame2(place.position_w, float(np.arctan2(offset[1], offset[0])))
+    task = Task(
+        frame,
+        max(distance, 0.3),
+        place.heading_rad,
+        models.drive.need_m(models.footprint, squeeze=squeeze),
+        end_cost,
+        turn_range(table_w, position, place.heading_rad, models.footprint),
+    )
+    return search(table_w, memory.cells, task, models.drive, models.rows)
+
+
+def _distance_to(place: Place) -> EndCost:
+    goal = np.asarray(place.goal_w)
+
+    def end_cost(points_w: FloatArray) -> FloatArray:
+        distance: FloatArray = np.linalg.norm(points_w - goal, axis=1)
+        # A last row beside the goal must end at it, not just near it.
+        cost: FloatArray = distance * (1.0 + 2.0 * np.clip(1.5 - distance.min(), 0.0, 1.0))
+        return cost
+
+    return end_cost
+
+
+def _field(memory: TerrainMemory, table_w: FloatArray, place: Place, models: Models, *, squeeze: bool) -> GoalField:
+    need = models.drive.need_m(models.footprint, squeeze=squeeze)
+    position, goal = np.asarray(place.position_w), np.asarray(place.goal_w)
+    return goal_field(table_w, memory.cells, position, goal, place.goal_radius_m, need, models.drive)
+
+
+def _round(
+    memory: TerrainMemory,
+    table_w: FloatArray,
+    place: Place,
+    models: Models,
+    field: GoalField,
+    here: float,
+    *,
+    squeeze: bool,
+) -> Choice | None:
+    """A way that ends nearer to the goal by the field: the straight one if as good, else by a sub-goal."""
+    direct = _direct(memory, table_w, place, models, squeeze=squeeze, end_cost=field.at)
+    if direct.candidates and direct.blocked_row is None and direct.candidates[0].cost < 1.15 * here + 0.5:
+        reason = "free rows to the goal again" if not squeeze else "a narrow way to the goal"
+        return _chosen(direct, table_w, place, models, detour=False, squeeze=squeeze, reason=reason)
+    way = field.way(np.asarray(place.position_w), max(SUB_GOALS_M))
+    if len(way) < 2:
+        return None
+    arcs = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(way, axis=0), axis=1))])
+    for distance in SUB_GOALS_M:
+        if distance > arcs[-1] + 0.5 and distance != SUB_GOALS_M[-1]:
+            continue
+        sub_goal = way[min(int(np.searchsorted(arcs, distance)), len(way) - 1)]
+        found = _towards(memory, table_w, place, models, sub_goal, squeeze=squeeze, end_cost=field.at)
+        ends = field.at(np.array([c.waypoints_w[-1] for c in found.candidates])) if found.candidates else np.zeros(0)
+        if found.blocked_row is None and len(ends) and ends[0] < here - 0.4 * min(distance, arcs[-1]):
+            reason = "round by a side" if not squeeze else "round through a narrow gap"
+            return _chosen(found, table_w, place, models, detour=True, squeeze=squeeze, reason=reason)
+    return None
+
+
+def _chosen(
+    found: RowSearch, table_w: FloatArray, place: Place, models: Models, *, detour: bool, squeeze: bool, reason: str
+) -> Choice:
+    """The candidate of highest traversability, where a metre of way counts too (step 10 of the paper's table 1)."""
+    need = models.drive.need_m(models.footprint, squeeze=squeeze)
+    scores = score(found.candidates, table_w, place, models, need)
+    worth = WORTH_M * scores - np.array([c.cost for c in found.candidates])
+    best = int(np.argmax(worth))
+    return Choice(
+        found.candidates[best],
+        float(scores[best]),
+        found.candidates,
+        tuple(float(value) for value in scores),
+        detour=detour,
+        squeeze=squeeze,
+        enclosed=False,
+        reason=reason,
+    )

@@ -1,0 +1,237 @@
+"""One decision: what is remembered, where the rover is, and what it does next. The planner's only composition."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import Literal
+
+import numpy as np
+
+from planner.choice import Choice, Models, Place, choose, way_cost
+from planner.ground_cells import mark_driven
+from planner.obstacle_map import obstacles, segment_clearance
+from planner.recovery import Ladder, Manoeuvre, finished, next_manoeuvre
+from planner.row_search import Candidate
+from planner.terrain_map import MemoryModel, TerrainMemory, empty_memory, remember
+from worlds.geometry import euler_from_quaternion, rotation_from_quaternion
+from worlds.types import FloatArray, Footprint, Observation, PoseEstimate
+
+Kind = Literal["drive", "look", "back_up", "arrived", "no_path"]
+
+
+@dataclass(frozen=True)
+class NavigatorModel:
+    """How long a way is kept and when the navigator gives up."""
+
+    memory: MemoryModel = MemoryModel()  # noqa: RUF009 - frozen
+    keep_gain_m: float = 0.6  # a new way must be better by this
+    keep_share: float = 0.06  # and by this share
+    extend_below_m: float = 3.8  # a way that ends sooner, and not at the goal, is renewed
+    off_way_m: float = 0.45
+    wobble_m: float = 0.05  # a rock that moves so much into a way does not break it
+    arrival_share: float = 0.8  # of the goal's radius
+    patience_m: float = 40.0  # driven without getting nearer, beside twice the first distance
+    progress_m: float = 1.5  # away from the last recovery: the ladder starts anew
+
+
+@dataclass(frozen=True, eq=False)
+class Decision:
+    """What to do until the next decision."""
+
+    kind: Kind
+    reason: str
+    waypoints_w: FloatArray = field(default_factory=lambda: np.zeros((0, 2)))  # (N, 2) begins about the rover
+    changed: bool = False  # the waypoints are not those of the decision before
+    traversability: float = 0.0
+    candidates: tuple[Candidate, ...] = ()
+    scores: tuple[float, ...] = ()  # traversability of each candidate
+    heading_rad: float = 0.0  # look: turn to it
+    distance_m: float = 0.0  # back_up: so far
+
+    @property
+    def risk(self) -> float:
+        """0..1 for the speed of driving."""
+        return float(np.clip(1.0 - self.traversability, 0.0, 1.0))
+
+
+@dataclass(frozen=True, eq=False)
+class NavigatorState:
+    """All that the navigator knows and intends."""
+
+    models: Models
+    model: NavigatorModel
+    goal_w: tuple[float, float]
+    goal_radius_m: float
+    memory: TerrainMemory
+    avoid_w: FloatArray = field(default_factory=lambda: np.zeros((0, 3)))  # (M, 3) x, y, radius of trouble met
+    way: Decision | None = None  # the way being driven
+    detour: bool = False
+    manoeuvre: Manoeuvre | None = None
+    ladder: Ladder = Ladder()  # noqa: RUF009 - frozen
+    end: Decision | None = None
+    slope_rad: float = 0.0  # smoothed
+    travelled_m: float = 0.0
+    place_w: tuple[float, float] | None = None
+    best_m: float = np.inf  # nearest to the goal so far
+    best_at_m: float = 0.0  # travelled then
+    first_m: float = 0.0  # distance to the goal at the start
+
+
+def begin(
+    goal_w: tuple[float, float],
+    goal_radius_m: float,
+    footprint: Footprint,
+    start_w: tuple[float, float],
+    *,
+    models: Models | None = None,
+    model: NavigatorModel | None = None,
+) -> NavigatorState:
+    """State of a navigator that has seen nothing."""
+    memory = empty_memory(np.asarray(start_w, dtype=float))
+    return NavigatorState(
+        models or Models(footprint),
+        model or NavigatorModel(),
+        (float(goal_w[0]), float(goal_w[1])),
+        goal_radius_m,
+        memory,
+        first_m=float(np.hypot(goal_w[0] - start_w[0], goal_w[1] - start_w[1])),
+    )
+
+
+def step(
+    state: NavigatorState, observation: Observation | None, estimate: PoseEstimate, time_s: float
+) -> tuple[NavigatorState, Decision]:
+    """Takes in what was seen and decides; once `arrived` or `no_path`, always the same."""
+    state = _take_in(state, observation, estimate)
+    if state.end is not None:
+        return state, state.end
+    place = _place(state, estimate)
+    distance = float(np.hypot(place.goal_w[0] - place.position_w[0], place.goal_w[1] - place.position_w[1]))
+    if distance < state.model.arrival_share * state.goal_radius_m:
+        return _ended(state, Decision("arrived", f"goal {distance:.2f} m away"))
+    if state.travelled_m - state.best_at_m > state.model.patience_m + 2.0 * state.first_m:
+        return _ended(state, Decision("no_path", f"{state.travelled_m - state.best_at_m:.0f} m without getting nearer"))
+    if state.manoeuvre is not None and not finished(state.manoeuvre, place, observation, time_s):
+        return state, _as_decision(state.manoeuvre)
+    state = replace(state, manoeuvre=None)
+    table = _table(state)
+    choice = choose(state.memory, table, place, state.models, detour=state.detour)
+    if choice.way is not None:
+        return _drive(state, choice, table, place)
+    return _recover(state, choice, table, place, time_s)
+
+
+def note_trouble(state: NavigatorState, estimate: PoseEstimate, radius_m: float = 0.35) -> NavigatorState:
+    """The state after the rover met what it had not seen (stuck, slipping): the place ahead is avoided from now on."""
+    forward = rotation_from_quaternion(estimate.pose.quaternion_w)[:2, 0]
+    ahead = estimate.pose.position_w[:2] + (state.models.footprint.length_m / 2 + radius_m) * forward
+    avoid = np.vstack([state.avoid_w, [*ahead, radius_m]])
+    return replace(state, avoid_w=avoid, way=None, ladder=replace(state.ladder, back_first=True), manoeuvre=None)
+
+
+def _take_in(state: NavigatorState, observation: Observation | None, estimate: PoseEstimate) -> NavigatorState:
+    """Memory, odometer, slope and ladder after a look and a move."""
+    place = estimate.pose.position_w[:2]
+    memory = state.memory
+    if observation is not None:
+        memory = remember(memory, observation, place, state.model.memory)
+    memory = replace(memory, cells=mark_driven(memory.cells, place, 0.6))
+    moved = 0.0 if state.place_w is None else float(np.hypot(*(place - state.place_w)))
+    travelled = state.travelled_m + moved
+    distance = float(np.hypot(*(place - state.goal_w)))
+    tilt = float(np.arccos(np.clip(rotation_from_quaternion(estimate.pose.quaternion_w)[2, 2], -1.0, 1.0)))
+    better = distance < state.best_m - 0.25
+    return replace(
+        state,
+        memory=memory,
+        travelled_m=travelled,
+        place_w=(float(place[0]), float(place[1])),
+        slope_rad=state.slope_rad + (1.0 - np.exp(-moved / 1.0)) * (tilt - state.slope_rad),
+        best_m=distance if better else state.best_m,
+        best_at_m=travelled if better else state.best_at_m,
+        ladder=state.ladder.after_move(place, state.model.progress_m),
+    )
+
+
+def _place(state: NavigatorState, estimate: PoseEstimate) -> Place:
+    x, y = (float(value) for value in estimate.pose.position_w[:2])
+    yaw = euler_from_quaternion(estimate.pose.quaternion_w)[2]
+    return Place((x, y), yaw, state.goal_w, state.goal_radius_m, float(np.rad2deg(state.slope_rad)))
+
+
+def _table(state: NavigatorState) -> FloatArray:
+    """Obstacles (N, 7) in the world: remembered rocks and places of trouble."""
+    table = obstacles(state.memory.rocks, state.models.drive)
+    xy, radius = state.avoid_w[:, :2], state.avoid_w[:, 2:]
+    trouble = np.hstack([xy, xy, radius, np.ones_like(radius), np.ones_like(radius)])
+    return np.vstack([table, trouble])
+
+
+def _drive(state: NavigatorState, choice: Choice, table: FloatArray, place: Place) -> tuple[NavigatorState, Decision]:
+    """Keeps the present way if it is still good, else takes the new one."""
+    assert choice.way is not None
+    fresh = Decision(
+        "drive",
+        choice.reason,
+        choice.way.waypoints_w,
+        changed=True,
+        traversability=choice.traversability,
+        candidates=choice.candidates,
+        scores=choice.scores,
+    )
+    state = replace(state, detour=choice.detour)
+    rest = None if state.way is None else _rest(state.way.waypoints_w, np.asarray(place.position_w))
+    if state.way is not None and rest is not None and _still_good(state, rest, fresh, table, place, choice):
+        kept = replace(state.way, changed=False, candidates=choice.candidates, scores=choice.scores)
+        return state, kept
+    return replace(state, way=fresh), fresh
+
+
+def _still_good(
+    state: NavigatorState, rest: FloatArray, fresh: Decision, table: FloatArray, place: Place, choice: Choice
+) -> bool:
+    """Whether the rest (N, 2) of the present way is free, long enough and not much worse than the fresh one."""
+    model, models = state.model, state.models
+    length = float(np.linalg.norm(np.diff(rest, axis=0), axis=1).sum())
+    to_goal = float(np.linalg.norm(rest[-1] - np.asarray(state.goal_w)))
+    if float(np.linalg.norm(rest[0] - rest[1])) > 0 and np.linalg.norm(rest[0] - place.position_w) > model.off_way_m:
+        return False
+    if length < model.extend_below_m and to_goal > 0.5 * state.goal_radius_m:
+        return False
+    need = models.drive.need_m(models.footprint, squeeze=choice.squeeze) - model.wobble_m
+    if segment_clearance(table, rest).min(initial=np.inf) < need:
+        return False
+    old = way_cost(rest, state.memory, table, place, models)
+    new = way_cost(fresh.waypoints_w, state.memory, table, place, models)
+    return old < new + model.keep_gain_m + model.keep_share * new
+
+
+def _rest(way_w: FloatArray, place: FloatArray) -> FloatArray:
+    """The way from its point nearest to ``place`` on, (N, 2), N >= 2."""
+    start, along = way_w[:-1], np.diff(way_w, axis=0)
+    share = ((place - start) * along).sum(axis=1) / np.maximum((along**2).sum(axis=1), 1e-12)
+    nearest = start + np.clip(share, 0.0, 1.0)[:, None] * along
+    leg = int(np.argmin(np.linalg.norm(nearest - place, axis=1)))
+    return np.vstack([nearest[leg], way_w[leg + 1 :]])
+
+
+def _recover(
+    state: NavigatorState, choice: Choice, table: FloatArray, place: Place, time_s: float
+) -> tuple[NavigatorState, Decision]:
+    """The next rung of the ladder: look to a side, back out, and at its end give up."""
+    manoeuvre, ladder = next_manoeuvre(state.ladder, state.memory, table, place, state.models.footprint, time_s)
+    state = replace(state, way=None, ladder=ladder, detour=True, manoeuvre=manoeuvre)
+    if manoeuvre is None:
+        why = "rocks enclose the goal or the rover" if choice.enclosed else "no free row in any direction"
+        return _ended(state, Decision("no_path", f"{why}; looked around and backed out in vain"))
+    return state, _as_decision(replace(manoeuvre, reason=f"{choice.reason}: {manoeuvre.reason}"))
+
+
+def _as_decision(manoeuvre: Manoeuvre) -> Decision:
+    return Decision(
+        manoeuvre.kind, manoeuvre.reason, heading_rad=manoeuvre.heading_rad, distance_m=manoeuvre.distance_m
+    )
+
+
+def _ended(state: NavigatorState, decision: Decision) -> tuple[NavigatorState, Decision]:
+    return replace(state, end=decision, way=None), decision

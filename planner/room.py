@@ -1,0 +1,71 @@
+"""Room around the rover's body: how far it can turn on the spot and back straight out."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from planner.ground_cells import GroundCells, sample
+from planner.obstacle_map import Frame2, distance_to, in_frame, near, segment_clearance
+from worlds.types import BoolArray, FloatArray, Footprint
+
+GAP_M = 0.04  # between body and rock while turning or backing
+STEP_RAD = float(np.deg2rad(5.0))
+
+
+def turn_range(
+    table_w: FloatArray, place_w: FloatArray, heading_rad: float, footprint: Footprint
+) -> tuple[float, float]:
+    """How far the body can turn on the spot to the right (<= 0) and left (>= 0) before it meets a hard rock, radians.
+
+    Rocks that the body's outline holds already are left out: they are under the belly, or the map is wrong.
+    """
+    half_length, half_width = footprint.length_m / 2 + GAP_M, footprint.width_m / 2 + GAP_M
+    local = in_frame(near(table_w, place_w, 1.6), Frame2((float(place_w[0]), float(place_w[1])), heading_rad))
+    local = local[local[:, 6] > 0.5]
+    ends = []
+    for side in (-1.0, 1.0):
+        angles = side * np.arange(0.0, np.pi + 1e-9, STEP_RAD)
+        meets = _body_meets(local, angles, half_length, half_width)
+        hits = np.flatnonzero(meets[:, ~meets[0]].any(axis=1))
+        ends.append(float(angles[hits[0] - 1]) if len(hits) else side * float(np.pi))
+    return ends[0], ends[1]
+
+
+def backing_room(
+    table_w: FloatArray,
+    cells: GroundCells,
+    place_w: FloatArray,
+    heading_rad: float,
+    footprint: Footprint,
+    most_m: float,
+) -> float:
+    """How far the rover can back straight out over ground it has seen, metres, at most ``most_m``; 0 if not at all."""
+    back = -np.array([np.cos(heading_rad), np.sin(heading_rad)])
+    side = np.array([-back[1], back[0]])
+    half_length, need = footprint.length_m / 2, footprint.width_m / 2 + GAP_M
+    around = near(table_w, place_w, most_m + 2.5)
+    # Rocks beside or under the body now are no news to the way back.
+    around = around[distance_to(around, place_w) > 0.0]
+    free = 0.0
+    for distance in np.arange(0.1, most_m + 1e-9, 0.1):
+        rear = place_w + (distance + half_length) * back
+        start = place_w + (half_length - 0.05) * back
+        if segment_clearance(around, np.stack([start, rear])).min() < need:
+            break
+        edge = rear + np.linspace(-need, need, 3)[:, None] * side
+        if not sample(cells, edge)[0].all():
+            break
+        free = float(distance)
+    return free
+
+
+def _body_meets(local: FloatArray, angles: FloatArray, half_length: float, half_width: float) -> BoolArray:
+    """Whether the body, turned by each angle, meets each obstacle: (angles, N). Long rocks are sampled as discs."""
+    hits = np.zeros((len(angles), len(local)), dtype=bool)
+    cos, sin = np.cos(angles)[:, None], np.sin(angles)[:, None]
+    for share in (0.0, 0.5, 1.0):
+        x, y = (local[:, 0:2] + share * (local[:, 2:4] - local[:, 0:2])).T
+        out_x = np.maximum(np.abs(cos * x + sin * y) - half_length, 0.0)
+        out_y = np.maximum(np.abs(cos * y - sin * x) - half_width, 0.0)
+        hits |= np.hypot(out_x, out_y) < local[:, 4]
+    return hits
