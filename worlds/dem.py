@@ -64,7 +64,7 @@ def _read_tiff(path: Path, terrain: Terrain, complaint: str) -> tuple[Any, float
         with tifffile.TiffFile(path) as file:
             values = file.pages[0].asarray()
             tags = {tag.code: tag.value for tag in file.pages.first.tags}
-    except (tifffile.TiffFileError, ValueError, OSError, IndexError, KeyError, RuntimeError) as error:
+    except Exception as error:  # a damaged file breaks the parser in undocumented ways
         raise ScenarioError(f"{complaint}: not a readable TIFF: {_one_line(error)}") from error
     pixel_m = terrain.resolution_m
     if _PIXEL_SCALE_TAG in tags:

@@ -1,0 +1,167 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import msgspec
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from worlds.errors import ScenarioError
+from worlds.scenario import (
+    LIMITS,
+    Goal,
+    Obstacle,
+    RoverChoice,
+    Scenario,
+    Terrain,
+    check_scenario,
+    dump_scenario,
+    load_scenario,
+    shipped_scenarios,
+)
+from worlds.strict_toml import convert_table, dump_toml, numeric_keys
+
+
+def load_text(folder: Path, text: str) -> Scenario:
+    path = folder / "world.toml"
+    path.write_text(text, encoding="utf-8")
+    return load_scenario(str(path))
+
+
+def message_of(folder: Path, text: str) -> str:
+    with pytest.raises(ScenarioError) as caught:
+        load_text(folder, text)
+    message = str(caught.value)
+    assert "\n" not in message
+    assert message.startswith(str(folder / "world.toml"))
+    return message
+
+
+def test_the_three_shipped_scenarios_load_and_have_their_own_name() -> None:
+    assert shipped_scenarios() == ("demo", "rock-field", "slope")
+    for name in shipped_scenarios():
+        assert load_scenario(name).name == name
+
+
+def test_demo_is_a_traverse_of_at_least_22_m_through_cfa_5_percent() -> None:
+    demo = load_scenario("demo")
+    assert demo.rocks.cfa == 0.05
+    assert demo.goal.position_m[0] - demo.rover.start_m[0] >= 22.0
+    assert (demo.gravity_m_s2, demo.soil.preset, demo.goal.time_limit_s) == (3.71, "mars_sand", 300.0)
+
+
+def test_contract_example_loads_but_for_its_missing_elevation_file(tmp_path: Path) -> None:
+    text = """
+        name = "mars-yard"
+        gravity_m_s2 = 3.71
+        [terrain]
+        kind = "fractal"
+        size_m = [40.0, 40.0]
+        path = "yard.tif"
+        [[obstacle]]
+        kind = "cylinder"
+        position_m = [2.0, 1.0]
+        radius_m = 0.075
+        height_m = 1.0
+        [goal]
+        position_m = [30.0, 0.0]
+    """
+    scenario = load_text(tmp_path, text)
+    assert scenario.obstacle[0].radius_m == 0.075
+    assert scenario.terrain.path == str(tmp_path / "yard.tif")
+
+
+def test_dump_has_every_key_and_loads_to_an_equal_scenario(tmp_path: Path) -> None:
+    for name in shipped_scenarios():
+        scenario = load_scenario(name)
+        text = dump_scenario(scenario)
+        assert load_text(tmp_path, text) == scenario
+        for key in LIMITS:
+            leaf = key.split(".")[-1]
+            assert key.startswith("obstacle") or f"{leaf} =" in text or f"# {leaf} is not set" in text
+
+
+@given(
+    name=st.text(st.characters(exclude_categories=["Cs"]), max_size=30),
+    x=st.floats(-9.0, 9.0),
+    yaw=st.floats(-360.0, 360.0),
+    gnss=st.booleans(),
+)
+def test_any_scenario_survives_the_round_trip(name: str, x: float, yaw: float, gnss: bool) -> None:
+    import tomllib
+
+    obstacle = Obstacle(kind="rock", position_m=(x, -x), radius_m=0.3, height_m=0.2, yaw_deg=yaw)
+    base = Scenario(name=name, obstacle=(obstacle, obstacle), rover=RoverChoice(start_m=(x, 0.0), heading_deg=yaw))
+    scenario = msgspec.structs.replace(base, sensors=msgspec.structs.replace(base.sensors, gnss=gnss))
+    assert convert_table(tomllib.loads(dump_toml(scenario)), Scenario, "test") == scenario
+
+
+def test_every_number_has_a_range() -> None:
+    terrain = Terrain(crop_m=(0.0, 0.0, 1.0, 1.0), height_range_m=(0.0, 1.0))
+    obstacle = Obstacle(kind="rock", position_m=(0.0, 0.0), radius_m=1.0, height_m=1.0)
+    assert numeric_keys(Scenario(name="x", terrain=terrain, obstacle=(obstacle,))) == set(LIMITS)
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("[terrain]\nresolutoin_m = 0.1", "terrain.resolutoin_m = 0.1: unknown key; did you mean 'resolution_m'?"),
+        ("[terrain]\nresolutoin_m = 0.1", "allowed here: kind, size_m, resolution_m, slope_deg"),
+        ("[sunn]\n", "sunn = {}: unknown key; did you mean 'sun'?"),
+        ("[[obstacle]]\nkind = 'rock'\nhight_m = 1", "obstacle[0].hight_m = 1: unknown key; did you mean 'height_m'"),
+        ("[terrain]\nkind = 'hills'", 'terrain.kind = "hills": allowed are flat, slope, fractal, dunes, crater, dem'),
+        ("[terrain]\nsize_m = [40.0]", "terrain.size_m = [40.0]: expected a list of 2 numbers, got 1"),
+        ("[terrain]\nsize_m = ['a', 2]", 'terrain.size_m[0] = "a": expected a number, got text'),
+        ("[terrain]\npath = 3", "terrain.path = 3: expected text, got a whole number"),
+        ("terrain = 3", "terrain = 3: expected a table, got a whole number"),
+        ("[camera]\nwidth = 2.5", "camera.width = 2.5: expected a whole number, got a number"),
+        ("[sensors]\ngnss = 1", "sensors.gnss = 1: expected true or false, got a whole number"),
+        ("[[obstacle]]\nkind = 'rock'", "obstacle[0].position_m: this key is required"),
+        ("[camera]\nrate_hz = 0.0", "camera.rate_hz = 0: allowed are 0.1 to 30"),
+        ("[camera]\nrate_hz = nan", "camera.rate_hz = nan: must be a finite number"),
+        ("[terrain]\nslope_deg = inf", "terrain.slope_deg = inf: must be a finite number"),
+        ("[terrain]\nsize_m = [-5.0, 5.0]", "terrain.size_m[0] = -5: allowed are 2 to 5000"),
+        ("[rocks]\ncfa = 0.9", "rocks.cfa = 0.9: allowed are 0 to 0.3"),
+        ("gravity_m_s2 = -1.0", "gravity_m_s2 = -1: allowed are 0.1 to 30"),
+        ("[camera]\nfov_deg = 180.0", "camera.fov_deg = 180: allowed are 20 to 140"),
+        ("[goal]\ntime_limit_s = -3", "goal.time_limit_s = -3: allowed are 1 to"),
+        ("[goal]\nposition_m = [39.0, 0.0]", "goal.position_m = [39.0, 0.0]: 39 m from rover.start_m along x"),
+        ("[rocks]\nmin_diameter_m = 2.0", "rocks.min_diameter_m = 2: must be less than rocks.max_diameter_m = 1.2"),
+        ("[rocks]\nformations = []", "rocks.formations = []: must name at least one"),
+        ("[terrain]\nresolution_m = 0.01\nsize_m = [90, 90]", "terrain.resolution_m = 0.01: a map of 90 x 90 m would"),
+        ("[terrain]\nresolution_m = 5.0\nsize_m = [9, 90]\n[goal]\nposition_m=[0,9]", "terrain.resolution_m = 5: must"),
+        ("[terrain]\nkind = 'dem'", "terrain.path: this key is required"),
+        ("[terrain]\ncrop_m = [1, 1, 0, 2]", "terrain.crop_m = [1.0, 1.0, 0.0, 2.0]: must be [x0, y0, x1, y1]"),
+        ("[terrain]\nheight_range_m = [1, 1]", "terrain.height_range_m = [1.0, 1.0]: must be [lowest, highest]"),
+        ("[soil]\npreset = 'mud'", "soil.preset = 'mud'"),
+        ("[terrain\n", "not valid TOML: Expected ']' at the end of a table declaration (at line 2, column 9)"),
+    ],
+)
+def test_a_fault_is_one_line_with_file_key_value_and_remedy(tmp_path: Path, text: str, expected: str) -> None:
+    assert expected in message_of(tmp_path, f'name = "x"\n{text}\n')
+
+
+def test_a_missing_name_is_named(tmp_path: Path) -> None:
+    assert "name: this key is required" in message_of(tmp_path, "gravity_m_s2 = 3.71\n")
+
+
+def test_a_missing_file_lists_the_shipped_names() -> None:
+    with pytest.raises(ScenarioError, match=r"nowhere\.toml: no such scenario file; shipped .*demo, rock-field, slope"):
+        load_scenario("nowhere.toml")
+
+
+def test_a_folder_and_a_binary_file_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(ScenarioError, match="no such scenario file"):
+        load_scenario(str(tmp_path))
+    (tmp_path / "world.toml").write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(ScenarioError, match="not a text file"):
+        load_scenario(str(tmp_path / "world.toml"))
+
+
+def test_start_and_goal_may_lie_anywhere_as_long_as_both_fit() -> None:
+    scenario = Scenario(name="x", rover=RoverChoice(start_m=(900.0, 5.0)), goal=Goal(position_m=(938.0, 5.0)))
+    check_scenario(scenario, "test")
+    far = msgspec.structs.replace(scenario, goal=Goal(position_m=(938.5, 5.0)))
+    with pytest.raises(ScenarioError, match="off the map"):
+        check_scenario(far, "test")
