@@ -64,11 +64,17 @@ def _build(world: World, out: Path | None) -> None:
             **_rock_columns(world),
         )
     write_text(folder / "scenario.toml", dump_scenario(world.scenario))
-    with atomic_path(folder / "rocks.glb") as path:
-        path.write_bytes(_rocks_glb(world))
+    written = ["world.npz", "scenario.toml"]
+    if len(world.picture_mesh.faces):
+        with atomic_path(folder / "rocks.glb") as path:
+            path.write_bytes(_rocks_glb(world))
+        written.append("rocks.glb")
+    else:
+        # A mesh file cannot be empty, and that of an earlier world would be wrong.
+        (folder / "rocks.glb").unlink(missing_ok=True)
     console = Console()
     console.print(summary_table(world))
-    console.print(f"world.npz, scenario.toml and rocks.glb are in {folder}", soft_wrap=True)
+    console.print(f"{', '.join(written)}: in {folder}", soft_wrap=True)
 
 
 def _show(world: World, out: Path | None) -> None:
@@ -142,7 +148,7 @@ def _rocks_glb(world: World) -> bytes:
 
     mesh = world.picture_mesh
     shape = trimesh.Trimesh(mesh.vertices_m[:, [0, 2, 1]] * (1.0, 1.0, -1.0), mesh.faces, process=False)
-    glb: bytes = trimesh.Scene([shape] if len(mesh.faces) else []).export(file_type="glb")  # type: ignore[no-untyped-call]
+    glb: bytes = trimesh.Scene([shape]).export(file_type="glb")  # type: ignore[no-untyped-call]
     return glb
 
 
