@@ -21,6 +21,8 @@ from worlds.types import BoolArray, ByteArray, FloatArray
 
 SingleArray = NDArray[np.float32]
 _SCORE_BINS = 64
+_TABLE_STEPS = 2048  # of sampled evidence: the largest error is about 0.02 where the steepest cue bends
+_LOGISTIC_REACH = 16.0  # beyond it a score is 0 or 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,10 +50,8 @@ def rock_score(lab: SingleArray, soil: SoilReference, cues: RockCues, window_px:
     """Score (H, W) in 0..1 that a pixel is rock; without colour, lightness and roughness alone judge."""
     roughness = mean_gradient(lab[..., 0], window_px)
     roughness *= np.float32(1.0 / soil.gradient)
-    silent = Cue(value=(0.0, 1.0), evidence=(0.0, 0.0))
-    colours = (cues.green_red, cues.blue_yellow) if soil.coloured else (silent, silent)
-    knots = [_knots(cue) for cue in (cues.lightness, *colours, cues.roughness)]
-    return np.asarray(_score_kernel(lab, roughness, soil.lab, cues.bias, *knots))
+    tables = evidence_tables(cues, coloured=soil.coloured)
+    return np.asarray(_score_kernel(lab, roughness, soil.lab, cues.shade_compensation, tables))
 
 
 def shadow_mask(lab: SingleArray, soil: SoilReference, know: Knowledge) -> BoolArray:
@@ -91,58 +91,56 @@ def close_edges(rock: BoolArray, score: SingleArray, grey: ByteArray, how: Binar
 
 
 def clean(rock: BoolArray, how: Binarization) -> BoolArray:
-    """``rock`` closed, with its holes filled, opened and without blobs under the smallest area."""
+    """``rock`` closed, with its holes filled, and opened."""
     closed = cv2.morphologyEx(rock.view(np.uint8), cv2.MORPH_CLOSE, _disc(how.close_px))
     contours, _ = cv2.findContours(closed, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     cv2.drawContours(closed, contours, -1, 1, thickness=cv2.FILLED)
     opened = cv2.morphologyEx(closed, cv2.MORPH_OPEN, _disc(how.open_px))
-    _, labels, stats, _ = cv2.connectedComponentsWithStats(opened, connectivity=8)
-    keep = stats[:, cv2.CC_STAT_AREA] >= how.min_area_px
-    keep[0] = False
-    return np.asarray(keep[labels])
+    return np.asarray(opened.view(np.bool_))
 
 
 def _disc(size_px: int) -> ByteArray:
     return np.asarray(cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size_px, size_px)), dtype=np.uint8)
 
 
-def _knots(cue: Cue) -> SingleArray:
-    return np.array([cue.value, cue.evidence], dtype=np.float32)
+def evidence_tables(cues: RockCues, *, coloured: bool) -> SingleArray:
+    """Sampled evidence of the four cues and the logistic curve, (5, 2 + samples), for the compiled kernel."""
+    silent = Cue(value=(0.0, 1.0), evidence=(0.0, 0.0))
+    colours = (cues.green_red, cues.blue_yellow) if coloured else (silent, silent)
+    rows = [_samples(cue.value, np.array(cue.evidence)) for cue in (cues.lightness, *colours, cues.roughness)]
+    logistic = np.linspace(-_LOGISTIC_REACH, _LOGISTIC_REACH, _TABLE_STEPS + 1)
+    rows.append(_samples(tuple(logistic), 1.0 / (1.0 + np.exp(-logistic - cues.bias))))
+    return np.array(rows, dtype=np.float32)
+
+
+def _samples(knots: tuple[float, ...], evidence: FloatArray) -> FloatArray:
+    values = np.interp(np.linspace(knots[0], knots[-1], _TABLE_STEPS + 1), knots, evidence)
+    return np.concatenate([[knots[0], _TABLE_STEPS / (knots[-1] - knots[0])], values])
 
 
 @numba.njit(cache=True)
-def _evidence(value: float, knots: SingleArray) -> float:
-    """Straight-line interpolation, flat outside."""
-    last = knots.shape[1] - 1
-    if value <= knots[0, 0]:
-        return float(knots[1, 0])
-    for i in range(last):
-        if value < knots[0, i + 1]:
-            part = (value - knots[0, i]) / (knots[0, i + 1] - knots[0, i])
-            return float(knots[1, i] + part * (knots[1, i + 1] - knots[1, i]))
-    return float(knots[1, last])
+def _evidence(value: float, table: SingleArray) -> float:
+    """Evidence at ``value``: first entries of the table are its start and its steps a unit, the rest the samples."""
+    place = min(max((value - table[0]) * table[1], 0.0), _TABLE_STEPS)
+    return float(table[2 + int(place + 0.5)])
 
 
 @numba.njit(cache=True)
 def _score_kernel(
-    lab: SingleArray,
-    roughness: SingleArray,
-    reference: SingleArray,
-    bias: float,
-    lightness: SingleArray,
-    green_red: SingleArray,
-    blue_yellow: SingleArray,
-    rough: SingleArray,
+    lab: SingleArray, roughness: SingleArray, reference: SingleArray, compensation: float, tables: SingleArray
 ) -> SingleArray:
+    """``tables`` (5, 2 + samples): lightness, the two colours, roughness, and the logistic curve of their sum."""
     height, width = roughness.shape
     score = np.empty((height, width), dtype=np.float32)
     for y in range(height):
         for x in range(width):
-            total = bias + _evidence(lab[y, x, 0] - reference[0], lightness)
-            total += _evidence(lab[y, x, 1] - reference[1], green_red)
-            total += _evidence(lab[y, x, 2] - reference[2], blue_yellow)
-            total += _evidence(roughness[y, x], rough)
-            score[y, x] = 1.0 / (1.0 + np.exp(-total))
+            # Soil lit less keeps its hue: Lab then scales a* and b* about as it scales L*.
+            dim = 1.0 - compensation + compensation * lab[y, x, 0] / reference[0]
+            total = _evidence(lab[y, x, 0] - reference[0], tables[0])
+            total += _evidence(lab[y, x, 1] - dim * reference[1], tables[1])
+            total += _evidence(lab[y, x, 2] - dim * reference[2], tables[2])
+            total += _evidence(roughness[y, x], tables[3])
+            score[y, x] = _evidence(total, tables[4])
     return score
 
 

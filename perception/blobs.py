@@ -30,12 +30,13 @@ class Blobs:
         return len(self.area_px)
 
 
-def find_blobs(mask: BoolArray) -> Blobs:
-    """8-connected blobs of ``mask`` (H, W)."""
+def find_blobs(mask: BoolArray, min_area_px: int = 1) -> Blobs:
+    """8-connected blobs of ``mask`` (H, W) with at least ``min_area_px`` pixels."""
     count, labels, stats, centres = cv2.connectedComponentsWithStats(mask.view(np.uint8), connectivity=8)
     order = np.argsort(-stats[1:, cv2.CC_STAT_AREA], kind="stable") + 1
+    order = order[stats[order, cv2.CC_STAT_AREA] >= min_area_px]
     rank = np.zeros(count, dtype=np.int32)
-    rank[order] = np.arange(1, count, dtype=np.int32)
+    rank[order] = np.arange(1, len(order) + 1, dtype=np.int32)
     area = stats[order, cv2.CC_STAT_AREA].astype(np.int32)
     box = stats[order, :4].astype(np.int32)
     labels = rank[labels]

@@ -52,16 +52,18 @@ def ground_range(camera_pose: Pose, plane: GroundPlane, points_w: FloatArray) ->
 
 
 def range_sd(
-    range_m: FloatArray, camera_height_m: float, pixel_sd_rad: float, attitude_sd_rad: float, ground_sd_m: float
+    range_m: FloatArray, camera_height_m: float, angle_sd_rad: float, ground_sd_m: float, slope_sd: float
 ) -> FloatArray:
     """One sigma (...,) of the ground range along the line of sight, in metres.
 
     With range r = h / tan(d) an angle error e moves the point by e (h^2 + r^2) / h, and ground that is higher or
-    lower than believed by s moves it by s r / h, the height error over the grazing slope.
+    lower than believed by s moves it by s r / h, the height error over the grazing slope. Rolling ground leaves the
+    believed plane the more the farther away: s is ``ground_sd_m`` and ``slope_sd`` times the range together.
     """
     r = np.asarray(range_m, dtype=float)
-    angle = np.hypot(pixel_sd_rad, attitude_sd_rad) * (camera_height_m**2 + r**2) / camera_height_m
-    return np.asarray(np.hypot(angle, ground_sd_m * r / camera_height_m))
+    by_angle = angle_sd_rad * (camera_height_m**2 + r**2) / camera_height_m
+    by_height = np.hypot(ground_sd_m, slope_sd * r) * r / camera_height_m
+    return np.asarray(np.hypot(by_angle, by_height))
 
 
 def window_centres(

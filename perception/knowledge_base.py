@@ -26,6 +26,7 @@ LIMITS: Limits = {
     "soil.bright_percentile": (0.0, 100.0),
     "soil.gradient_percentile": (0.0, 100.0),
     "soil.gradient_floor": (1e-3, 100.0),
+    "cues.shade_compensation": (0.0, 1.0),
     "binarization.blur_px": (0.1, 20.0),
     "binarization.roughness_window_px": (1, 99),
     "binarization.threshold": (0.0, 1.0),
@@ -40,11 +41,11 @@ LIMITS: Limits = {
 }
 
 
-class _Table(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class _Table(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A table of a knowledge file: a mistyped key is an error."""
 
 
-class SoilKnowledge(_Table, frozen=True):
+class SoilKnowledge(_Table, frozen=True, kw_only=True):
     """How the soil of a picture is found: smooth, neither darkest nor brightest (percentiles)."""
 
     window_px: int = 9
@@ -55,24 +56,25 @@ class SoilKnowledge(_Table, frozen=True):
     gradient_floor: float = 0.2
 
 
-class Cue(_Table, frozen=True):
+class Cue(_Table, frozen=True, kw_only=True):
     """Evidence for rock against one measure: straight lines between the knots, flat beyond the outer ones."""
 
     value: tuple[float, ...]
     evidence: tuple[float, ...]
 
 
-class RockCues(_Table, frozen=True):
+class RockCues(_Table, frozen=True, kw_only=True):
     """Additive evidence; score = logistic(bias + sum). Lightness and the two colours are CIE Lab minus the soil's."""
 
     bias: float
+    shade_compensation: float = 0.0  # 1: colours against soil darkened to the pixel's lightness, 0: as it is
     lightness: Cue
     green_red: Cue
     blue_yellow: Cue
     roughness: Cue  # mean gradient over the soil's own
 
 
-class Binarization(_Table, frozen=True):
+class Binarization(_Table, frozen=True, kw_only=True):
     """From the picture to rock pixels; lengths in pixels of the working picture."""
 
     blur_px: float = 1.0
@@ -88,7 +90,7 @@ class Binarization(_Table, frozen=True):
     min_area_px: int = 80
 
 
-class Shadow(_Table, frozen=True):
+class Shadow(_Table, frozen=True, kw_only=True):
     """Cast shadow: dark soil. Below ``lightness_ratio`` of its lightness, of its hue, and smooth."""
 
     lightness_ratio: float  # of the soil's lightness; 0 switches the rule off
@@ -97,7 +99,7 @@ class Shadow(_Table, frozen=True):
     max_texture: float  # 3x3 standard deviation of lightness over its mean
 
 
-class Sky(_Table, frozen=True):
+class Sky(_Table, frozen=True, kw_only=True):
     """Sky without a known attitude: a smooth region that reaches the top and is brighter than the lower half."""
 
     max_gradient: float = 0.6
@@ -105,17 +107,19 @@ class Sky(_Table, frozen=True):
     min_share: float = 0.01
 
 
-class GroundKnowledge(_Table, frozen=True):
+class GroundKnowledge(_Table, frozen=True, kw_only=True):
     """How far and how well the ground is known."""
 
     max_range_m: float = 10.0
+    min_diameter_m: float = 0.0  # smaller rocks are left to the wheels and not placed
     horizon_dip_deg: float = 2.0  # what is closer to the horizon is too far to judge
     pixel_sd: float = 0.7
-    attitude_sd_deg: float = 0.5
-    ground_sd_m: float = 0.03
+    attitude_sd_deg: float = 0.3
+    ground_sd_m: float = 0.02  # of the ground near the rover against the believed plane
+    slope_sd: float = 0.03  # how far rolling ground leaves the plane, per metre of range
 
 
-class RockKnowledge(_Table, frozen=True):
+class RockKnowledge(_Table, frozen=True, kw_only=True):
     """When a blob counts as a rock, and how its shape is read."""
 
     min_certainty: float = 0.4
@@ -123,7 +127,7 @@ class RockKnowledge(_Table, frozen=True):
     big_extent_px: float = 20.0  # a blob this long is big rock to the terrain classes
 
 
-class _File(_Table, frozen=True):
+class _File(_Table, frozen=True, kw_only=True):
     name: str
     soil: SoilKnowledge
     cues: RockCues

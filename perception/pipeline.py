@@ -68,9 +68,9 @@ def perceive(frame: Frame, knowledge: Knowledge) -> Perception:
     if frame.camera_pose is not None and frame.ground is not None:
         view = View(frame.camera, frame.camera_pose, frame.ground)
     lab, grey = smoothed(picture, knowledge.binarization.blur_px)
-    hidden = hidden_mask(picture, lab, view, scale, knowledge)
-    found = binarize(lab, grey, soil_reference(lab, hidden, knowledge.soil), hidden, knowledge)
     raw_grey = picture if picture.ndim == 2 else np.asarray(cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY), dtype=np.uint8)
+    hidden = hidden_mask(raw_grey, lab, view, scale, knowledge)
+    found = binarize(lab, grey, soil_reference(lab, hidden, knowledge.soil), hidden, knowledge)
     blobs, certainty = classify_blobs(raw_grey, found, knowledge)
     shape = outlines(blobs, knowledge.rock.round_ratio)
     placed: list[PerceivedRock | None] = [None] * len(blobs)
@@ -103,10 +103,10 @@ def smoothed(picture: ByteArray, blur_px: float) -> tuple[SingleArray, ByteArray
 
 
 def hidden_mask(
-    picture: ByteArray, lab: SingleArray, view: View | None, scale: tuple[float, float], know: Knowledge
+    grey: ByteArray, lab: SingleArray, view: View | None, scale: tuple[float, float], know: Knowledge
 ) -> BoolArray:
     """Pixels (H, W) that show no ground near enough to judge: black, sky, or above the (dipped) horizon."""
-    hidden = (picture if picture.ndim == 2 else picture.max(axis=2)) <= _BLACK
+    hidden = grey <= _BLACK
     if view is None:
         return np.asarray(hidden | sky_mask(lab, know.sky))
     columns = (np.arange(hidden.shape[1], dtype=np.float64) + 0.5) * scale[0]
@@ -117,7 +117,7 @@ def hidden_mask(
 
 def classify_blobs(grey: ByteArray, found: Binarized, know: Knowledge) -> tuple[Blobs, NDArray[np.float64]]:
     """Blobs that pass for rocks, largest first, and their certainty (R,)."""
-    blobs = find_blobs(found.mask)
+    blobs = find_blobs(found.mask, know.binarization.min_area_px)
     certainty = rock_certainty(blob_features(grey, found.score, blobs), know.rock_rules)
     sure = certainty >= know.rock.min_certainty
     return select(blobs, sure), certainty[sure]

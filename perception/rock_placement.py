@@ -58,13 +58,13 @@ def place_rocks(
     half_depth, height = depth_and_height(view.height_m, near_range, breadth, _fall(top, view.plane))
     centre_w = near_w + half_depth[:, None] * ahead
     reach = near_range + half_depth
-    spread = range_sd(
-        reach, view.height_m, know.pixel_sd / view.camera.focal_px, np.deg2rad(know.attitude_sd_deg), know.ground_sd_m
-    )
+    angle_sd = float(np.hypot(know.pixel_sd / view.camera.focal_px, np.deg2rad(know.attitude_sd_deg)))
+    spread = range_sd(reach, view.height_m, angle_sd, know.ground_sd_m, know.slope_sd)
     yaw = np.arctan2(ahead[:, 1], ahead[:, 0])
+    size = np.sqrt(2.0 * half_depth * breadth)
     placed: list[PerceivedRock | None] = []
     for i in range(len(certainty)):
-        if not reach[i] <= know.max_range_m:
+        if not (reach[i] <= know.max_range_m and size[i] >= know.min_diameter_m):
             placed.append(None)
             continue
         deep = 2.0 * half_depth[i] > breadth[i]

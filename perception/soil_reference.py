@@ -51,6 +51,7 @@ def soil_reference(lab: SingleArray, hidden: BoolArray, know: SoilKnowledge) -> 
     between = soil & (lightness > dark) & (lightness < bright)
     chosen = between if between.any() else soil
     colour = np.median(half[chosen], axis=0).astype(np.float32)
+    colour[0] = max(float(colour[0]), 1.0)  # black soil would make every ratio to it meaningless
     gradient = mean_gradient(lab[..., 0], know.window_px)[::2, ::2][: half.shape[0], : half.shape[1]][seen]
     coloured = bool(np.abs(half[..., 1:]).mean() > _GREY_SATURATION)
     return SoilReference(

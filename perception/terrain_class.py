@@ -7,10 +7,11 @@ is uncertain.
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.texture import band_texture
+from perception.texture import band_texture, window_reduce
 from worlds.fuzzy import RuleBase, term_strengths
 from worlds.types import BoolArray, ByteArray, FloatArray, TerrainClass
 
@@ -23,9 +24,7 @@ def window_features(grey: ByteArray, rock: BoolArray, big_rock: BoolArray, hidde
     A window without any variation at all carries no picture: it counts as unseen.
     """
     bands = band_texture(grey, WINDOW_PX)
-    rows, columns = bands.fine.shape
-    tiles = grey[: rows * WINDOW_PX, : columns * WINDOW_PX].reshape(rows, WINDOW_PX, columns, WINDOW_PX)
-    blank = tiles.max(axis=(1, 3)) == tiles.min(axis=(1, 3))
+    blank = window_reduce(np.maximum, grey, WINDOW_PX) == window_reduce(np.minimum, grey, WINDOW_PX)
     return {
         "fine": np.log10(np.maximum(bands.fine, 0.1)),
         "coarse": np.log10(np.maximum(bands.coarse, 0.1)),
@@ -38,8 +37,8 @@ def window_features(grey: ByteArray, rock: BoolArray, big_rock: BoolArray, hidde
 def window_share(mask: BoolArray) -> FloatArray:
     """Share (rows, columns) of set pixels of ``mask`` (H, W) in each whole window."""
     rows, columns = mask.shape[0] // WINDOW_PX, mask.shape[1] // WINDOW_PX
-    tiles = mask[: rows * WINDOW_PX, : columns * WINDOW_PX].reshape(rows, WINDOW_PX, columns, WINDOW_PX)
-    return np.asarray(tiles.mean(axis=(1, 3)), dtype=np.float64)
+    whole = mask[: rows * WINDOW_PX, : columns * WINDOW_PX].astype(np.float32)
+    return np.asarray(cv2.resize(whole, (columns, rows), interpolation=cv2.INTER_AREA), dtype=np.float64)
 
 
 def classify(features: dict[str, FloatArray], rules: RuleBase) -> NDArray[np.str_]:

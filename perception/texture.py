@@ -10,6 +10,7 @@ equation 1, ``sum P^2``; variance is that of the 8-bit grey values.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numba
@@ -65,13 +66,22 @@ def band_texture(grey: ByteArray, window_px: int) -> BandTexture:
     """Differences of Gaussians over all whole windows of ``grey``; they part ripples (coarse) from pebbles (fine)."""
     single = grey.astype(np.float32)
     fine, coarse = (
-        _windows(np.abs(cv2.GaussianBlur(single, (0, 0), low) - cv2.GaussianBlur(single, (0, 0), high)), window_px)
+        np.asarray(cv2.absdiff(cv2.GaussianBlur(single, (0, 0), low), cv2.GaussianBlur(single, (0, 0), high)))
         for low, high in _BAND_SIGMAS
     )
-    rank = round(0.95 * (coarse.shape[-1] - 1))
+    tiles = _windows(coarse.astype(np.float32, copy=False), window_px)
+    rank = round(0.95 * (tiles.shape[-1] - 1))
     return BandTexture(
-        fine.max(axis=-1).astype(np.float64), np.partition(coarse, rank, axis=-1)[..., rank].astype(np.float64)
+        window_reduce(np.maximum, fine, window_px).astype(np.float64),
+        np.partition(tiles, rank, axis=-1)[..., rank].astype(np.float64),
     )
+
+
+def window_reduce(function: np.ufunc, values: NDArray[Any], size: int) -> NDArray[Any]:
+    """``function`` (such as ``np.maximum``) over each whole ``size`` window of ``values`` (H, W)."""
+    rows, columns = values.shape[0] // size, values.shape[1] // size
+    lines = function.reduce(values[: rows * size].reshape(rows, size, -1), axis=1)
+    return np.asarray(function.reduce(lines[:, : columns * size].reshape(rows, columns, size), axis=2))
 
 
 def _windows(values: NDArray[np.float32], size: int) -> NDArray[np.float32]:
