@@ -175,7 +175,7 @@ def test_elevation_paths_start_at_the_base_folder(tmp_path: Path) -> None:
     with pytest.raises(
         ScenarioError, match=r"goal.position_m = \[9.5, 0.0\]: off the map; allowed are x -9.00 to 9.00"
     ):
-        build_world(off, 0, base_dir=tmp_path)
+        build_world(off, 0, base_dir=tmp_path, source="yard.toml")
 
 
 def test_a_wall_with_a_gap_can_be_passed_only_by_the_narrow() -> None:

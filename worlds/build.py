@@ -33,13 +33,14 @@ class Stream(IntEnum):
     ROCK_SHAPES = 4
 
 
-def build_world(scenario: Scenario, seed: int, *, base_dir: Path | None = None) -> World:
+def build_world(scenario: Scenario, seed: int, *, base_dir: Path | None = None, source: str | None = None) -> World:
     """The world of a scenario and a seed; the same two give the same arrays to the bit.
 
     ``base_dir`` is where a relative ``terrain.path`` starts (default: the working directory).
-    Raises `ScenarioError` for what cannot be built: one line with the scenario's name, the key and the value.
+    Raises `ScenarioError` for what cannot be built: one line with ``source`` (the file that the scenario came from;
+    default: its name), the key and the value.
     """
-    source = f"scenario {scenario.name}"
+    source = source or f"scenario {scenario.name}"
     if seed < 0:
         raise ScenarioError(f"{source}: seed = {seed}: allowed are whole numbers from 0")
     check_scenario(scenario, source)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,9 @@ from worlds.types import FloatArray, HeightField
 
 _PIXEL_SCALE_TAG = 33550  # GeoTIFF 1.1, ModelPixelScaleTag
 _NO_DATA_TAG = 42113  # GDAL_NODATA
+
+# What tifffile logs of a damaged file is in our error; without a handler it would be printed a second time.
+logging.getLogger("tifffile").addHandler(logging.NullHandler())
 
 
 def load_dem(terrain: Terrain, source: str) -> HeightField:

@@ -33,7 +33,7 @@ def execute(args: argparse.Namespace) -> int:
     from worlds.build import build_world
     from worlds.scenario import load_scenario
 
-    world = build_world(load_scenario(args.scenario), args.seed)
+    world = build_world(load_scenario(args.scenario), args.seed, source=args.scenario)
     if args.action == "build":
         _build(world, args.out)
     else:
