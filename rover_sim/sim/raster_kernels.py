@@ -1,0 +1,191 @@
+"""Compiled drawing of height grids and meshes into a key buffer and a tag buffer.
+
+One projection serves the camera and the shadow map: a point ``p`` goes through a matrix (4, 4) to
+``(u w, v w, w, k w)``. A pinhole camera has ``w`` = distance along its axis and ``k`` = 1 / w; the
+shadow map has ``w`` = 1 and ``k`` = height. The *largest* key wins and 0 is empty. ``u`` runs along
+columns, ``v`` along rows, in pixels, with pixel centres at +0.5. Keys are linear over the screen in
+both cases, so depth is exact at every pixel.
+
+Source of the layout: deferred z-buffer rasterisation with barycentric stepping (Pineda, "A parallel
+algorithm for polygon rasterization", SIGGRAPH 1988).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from worlds.types import FloatArray, IntArray
+
+KeyArray = NDArray[np.float32]
+
+NEAR = 0.05  # m: what is closer to the lens is cut away
+TILE_CELLS = 32  # a tile of the height grid has this many cells a side
+EDGE_TOLERANCE = 1e-6  # in barycentric units: neighbours overlap by a hair instead of leaving one
+GROUND_TAG = 0
+EMPTY_TAG = -1
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _fill(
+    x0: float,
+    y0: float,
+    k0: float,
+    x1: float,
+    y1: float,
+    k1: float,
+    x2: float,
+    y2: float,
+    k2: float,
+    tag: int,
+    keys: KeyArray,
+    tags: IntArray,
+) -> None:
+    """Draw one triangle given in pixels and keys."""
+    rows, columns = keys.shape
+    first_column = max(int(np.ceil(max(min(x0, x1, x2), 0.0) - 0.5)), 0)
+    last_column = int(np.floor(min(max(x0, x1, x2), columns + 0.0) - 0.5))
+    if first_column > last_column:
+        return
+    first_row = max(int(np.ceil(max(min(y0, y1, y2), 0.0) - 0.5)), 0)
+    last_row = int(np.floor(min(max(y0, y1, y2), rows + 0.0) - 0.5))
+    if first_row > last_row:
+        return
+    area = (x1 - x0) * (y2 - y0) - (x2 - x0) * (y1 - y0)
+    if area == 0.0:
+        return
+    b1x, b1y = (y2 - y0) / area, (x0 - x2) / area
+    b2x, b2y = (y0 - y1) / area, (x1 - x0) / area
+    kx = (k1 - k0) * b1x + (k2 - k0) * b2x
+    ky = (k1 - k0) * b1y + (k2 - k0) * b2y
+    for row in range(first_row, last_row + 1):
+        dy = row + 0.5 - y0
+        for column in range(first_column, last_column + 1):
+            dx = column + 0.5 - x0
+            b1 = b1x * dx + b1y * dy
+            b2 = b2x * dx + b2y * dy
+            if b1 >= -EDGE_TOLERANCE and b2 >= -EDGE_TOLERANCE and b1 + b2 <= 1.0 + EDGE_TOLERANCE:
+                key = k0 + kx * dx + ky * dy
+                if key > keys[np.uintp(row), np.uintp(column)]:
+                    keys[np.uintp(row), np.uintp(column)] = key
+                    tags[np.uintp(row), np.uintp(column)] = tag
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _clip_and_fill(corners: FloatArray, tag: int, keys: KeyArray, tags: IntArray) -> None:
+    """Draw the part of a triangle beyond the near plane; ``corners`` (3, 4) as `_project` leaves them."""
+    polygon = np.empty((4, 3))
+    count = 0
+    for i in range(3):
+        wa, wb = corners[i, 3], corners[(i + 1) % 3, 3]
+        if wa >= NEAR:
+            polygon[count] = corners[i, :3]
+            count += 1
+        if (wa >= NEAR) != (wb >= NEAR):
+            t = (NEAR - wa) / (wb - wa)
+            for axis in range(3):
+                # In front the corner is already divided by w, behind it is not.
+                a = corners[i, axis] * (wa if wa >= NEAR else 1.0)
+                b = corners[(i + 1) % 3, axis] * (wb if wb >= NEAR else 1.0)
+                polygon[count, axis] = (a + t * (b - a)) / NEAR
+            count += 1
+    for i in range(2, count):
+        a, b, c = polygon[0], polygon[i - 1], polygon[i]
+        _fill(a[0], a[1], a[2], b[0], b[1], b[2], c[0], c[1], c[2], tag, keys, tags)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _project(x: float, y: float, z: float, matrix: FloatArray, out: FloatArray) -> None:
+    """Write ``(u, v, key, w)`` of a point, or ``(u w, v w, key w, w)`` where it is not beyond the near plane."""
+    w = matrix[2, 0] * x + matrix[2, 1] * y + matrix[2, 2] * z + matrix[2, 3]
+    scale = 1.0 / w if w >= NEAR else 1.0
+    out[0] = (matrix[0, 0] * x + matrix[0, 1] * y + matrix[0, 2] * z + matrix[0, 3]) * scale
+    out[1] = (matrix[1, 0] * x + matrix[1, 1] * y + matrix[1, 2] * z + matrix[1, 3]) * scale
+    out[2] = (matrix[3, 0] * x + matrix[3, 1] * y + matrix[3, 2] * z + matrix[3, 3]) * scale
+    out[3] = w
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _draw(points: FloatArray, i: int, j: int, k: int, tag: int, facing: float, keys: KeyArray, tags: IntArray) -> None:
+    """Draw the triangle of three projected points; ``facing`` 1 drops faces turned away, 0 none."""
+    # Unsigned indices spare the test for negative ones, here and below.
+    a, b, c = np.uintp(i), np.uintp(j), np.uintp(k)
+    in_front = int(points[a, 3] >= NEAR) + int(points[b, 3] >= NEAR) + int(points[c, 3] >= NEAR)
+    if in_front == 3:
+        x0, y0, x1, y1, x2, y2 = points[a, 0], points[a, 1], points[b, 0], points[b, 1], points[c, 0], points[c, 1]
+        # Rows run downwards, so a face turned to the camera has a negative area here.
+        if facing != 0.0 and ((x1 - x0) * (y2 - y0) - (x2 - x0) * (y1 - y0)) * facing >= 0.0:
+            return
+        _fill(x0, y0, points[a, 2], x1, y1, points[b, 2], x2, y2, points[c, 2], tag, keys, tags)
+    elif in_front > 0:
+        corners = np.empty((3, 4))
+        corners[0], corners[1], corners[2] = points[a], points[b], points[c]
+        _clip_and_fill(corners, tag, keys, tags)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def draw_tiles(
+    heights: FloatArray,
+    grid: tuple[float, float, float],
+    tiles: IntArray,
+    drops: FloatArray,
+    matrix: FloatArray,
+    keys: KeyArray,
+    tags: IntArray,
+) -> None:
+    """Draw tiles of a height grid, two triangles a cell, with a skirt that hides cracks between strides.
+
+    ``heights`` (ny, nx) m; ``grid`` = world x, y of the first sample and the spacing, m; ``tiles`` (T, 3) first
+    row, first column and stride in samples; ``drops`` (T,) m, depth of the skirt; ``matrix`` (4, 4).
+    """
+    ny, nx = heights.shape
+    side = TILE_CELLS + 3  # one ring of skirt points around the tile's own
+    points = np.empty((side * side, 4))
+    for tile in range(tiles.shape[0]):
+        row0, column0, stride = tiles[tile, 0], tiles[tile, 1], tiles[tile, 2]
+        last_row, last_column = min(row0 + TILE_CELLS, ny - 1), min(column0 + TILE_CELLS, nx - 1)
+        rows = (last_row - row0 + stride - 1) // stride + 3
+        columns = (last_column - column0 + stride - 1) // stride + 3
+        for i in range(rows):
+            row = min(row0 + max(i - 1, 0) * stride, last_row)
+            for j in range(columns):
+                column = min(column0 + max(j - 1, 0) * stride, last_column)
+                z = heights[row, column]
+                if i == 0 or j == 0 or i == rows - 1 or j == columns - 1:
+                    z -= drops[tile]
+                _project(grid[0] + grid[2] * column, grid[1] + grid[2] * row, z, matrix, points[i * side + j])
+        for i in range(rows - 1):
+            for j in range(columns - 1):
+                a = i * side + j
+                _draw(points, a, a + 1, a + side + 1, GROUND_TAG, 0.0, keys, tags)
+                _draw(points, a, a + side + 1, a + side, GROUND_TAG, 0.0, keys, tags)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def draw_blocks(
+    vertices: FloatArray,
+    faces: IntArray,
+    ranges: IntArray,
+    ground_from: int,
+    facing: float,
+    matrix: FloatArray,
+    keys: KeyArray,
+    tags: IntArray,
+) -> None:
+    """Draw blocks of a mesh; face ``i`` leaves tag ``i + 1``, or the ground's from face ``ground_from`` on.
+
+    ``vertices`` (V, 3) m; ``faces`` (F, 3); ``ranges`` (B, 4) first and past-last vertex and face of each block.
+    """
+    longest = 0
+    for block in range(ranges.shape[0]):
+        longest = max(longest, ranges[block, 1] - ranges[block, 0])
+    points = np.empty((longest, 4))
+    for block in range(ranges.shape[0]):
+        first = ranges[block, 0]
+        for i in range(first, ranges[block, 1]):
+            _project(vertices[i, 0], vertices[i, 1], vertices[i, 2], matrix, points[i - first])
+        for face in range(ranges[block, 2], ranges[block, 3]):
+            a, b, c = faces[face, 0] - first, faces[face, 1] - first, faces[face, 2] - first
+            tag = face + 1 if face < ground_from else GROUND_TAG
+            _draw(points, a, b, c, tag, facing, keys, tags)

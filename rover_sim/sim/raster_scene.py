@@ -1,0 +1,258 @@
+"""What is drawn and what is left out: tiles of the ground with levels of detail, rocks as blocks of a mesh.
+
+Ground tiles come in strides of 1, 2, 4 ... samples. A tile is drawn with the coarsest stride whose height error
+stays under half a pixel from where the camera is (geometrical mipmapping: de Boer, "Fast terrain rendering using
+geometrical mipmapping", 2000). Rocks are drawn with the picture mesh near by and with the coarser collision mesh
+where they are a few pixels large.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rover_sim.sim.raster_kernels import GROUND_TAG, NEAR, TILE_CELLS
+from worlds.types import BoolArray, FloatArray, HeightField, IntArray, TriangleMesh, World
+
+STRIDES = (1, 2, 4, 8, 16, 32)
+TOLERANCE_PX = 0.5  # height error of a coarse tile on the screen
+COARSE_BELOW_PX = 12.0  # rocks narrower than this are drawn with the coarse mesh
+INVISIBLE_BELOW_PX = 0.35  # and those narrower than this not at all
+APRON_M = (4.0, 300.0)  # widths of two rings of ground around the map, so that the world does not end in a cliff
+APRON_STEP = 16  # the outer ring has a vertex for so many of the map's edge
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """A pinhole camera in the world."""
+
+    eye_w: FloatArray  # (3,)
+    rotation: FloatArray  # (3, 3), columns are the camera's right, down and forward in the world
+    focal_px: float
+    width_px: int
+    height_px: int
+
+    def matrix(self) -> FloatArray:
+        """Projection (4, 4) for the raster kernels: key = 1 / depth."""
+        turn = np.eye(4)
+        turn[:3, :3] = self.rotation.T
+        turn[:3, 3] = -self.rotation.T @ self.eye_w
+        f, cx, cy = self.focal_px, self.width_px / 2.0, self.height_px / 2.0
+        lens = np.array([[f, 0, cx, 0], [0, f, cy, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
+        return np.asarray(lens @ turn)
+
+    def sees(self, centres_w: FloatArray, radii_m: FloatArray) -> BoolArray:
+        """Which spheres (N, 3), (N,) touch the viewing pyramid: bool (N,)."""
+        f, w, h = self.focal_px, self.width_px / 2.0, self.height_px / 2.0
+        planes = np.array([[f, 0, w], [-f, 0, w], [0, f, h], [0, -f, h], [0, 0, 1]], dtype=float)
+        planes /= np.linalg.norm(planes, axis=1, keepdims=True)
+        distance = (centres_w - self.eye_w) @ (planes @ self.rotation.T).T
+        distance[:, 4] -= NEAR
+        return np.asarray((distance >= -radii_m[:, None]).all(axis=1))
+
+
+@dataclass(frozen=True, eq=False)
+class Tiles:
+    """The ground in tiles of `TILE_CELLS` cells a side."""
+
+    corner: IntArray  # (T, 2) first row and column
+    centre_w: FloatArray  # (T, 3) of the bounding sphere
+    radius_m: FloatArray  # (T,)
+    error_m: FloatArray  # (T, len(STRIDES)) greatest height error of each stride, growing
+
+    def choose(self, view: View) -> tuple[IntArray, FloatArray]:
+        """Tiles to draw (K, 3): row, column, stride; and the skirt depth of each (K,) in metres."""
+        seen = np.flatnonzero(view.sees(self.centre_w, self.radius_m))
+        distance = np.linalg.norm(self.centre_w[seen] - view.eye_w, axis=1) - self.radius_m[seen]
+        allowed_m = TOLERANCE_PX * np.maximum(distance, NEAR) / view.focal_px
+        level = (self.error_m[seen] <= allowed_m[:, None]).sum(axis=1) - 1
+        chosen = np.column_stack([self.corner[seen], np.asarray(STRIDES)[level]])
+        # Two neighbours may be apart by both their errors; a tile further away was allowed more.
+        drop_m = 4.0 * TOLERANCE_PX * (np.maximum(distance, NEAR) + 2 * self.radius_m[seen]) / view.focal_px
+        return np.ascontiguousarray(chosen, dtype=np.int32), drop_m
+
+
+def make_tiles(ground: HeightField) -> Tiles:
+    """Cut the ground into tiles, with their bounds and the error of every stride."""
+    ny, nx = ground.heights_m.shape
+    rows, columns = np.arange(0, ny - 1, TILE_CELLS), np.arange(0, nx - 1, TILE_CELLS)
+    corner = np.stack(np.meshgrid(rows, columns, indexing="ij"), axis=-1).reshape(-1, 2)
+    last = np.minimum(corner + TILE_CELLS, [ny - 1, nx - 1])
+    low, high = (_tile_extreme(ground.heights_m, which) for which in (np.minimum, np.maximum))
+    x0, y0 = ground.origin_m
+    lower = np.column_stack([x0 + ground.resolution_m * corner[:, 1], y0 + ground.resolution_m * corner[:, 0], low])
+    upper = np.column_stack([x0 + ground.resolution_m * last[:, 1], y0 + ground.resolution_m * last[:, 0], high])
+    error = np.column_stack([_tile_extreme(_stride_error(ground.heights_m, s), np.maximum) for s in STRIDES])
+    return Tiles(
+        corner=corner.astype(np.int32),
+        centre_w=(lower + upper) / 2,
+        radius_m=np.linalg.norm(upper - lower, axis=1) / 2,
+        error_m=np.maximum.accumulate(error, axis=1),
+    )
+
+
+def _tile_extreme(values: FloatArray, which: np.ufunc) -> FloatArray:
+    """Least or greatest value (T,) of each tile, its far edges included."""
+    for axis in (0, 1):
+        size = values.shape[axis]
+        starts = np.arange(0, size - 1, TILE_CELLS)
+        far_edge = np.take(values, np.minimum(starts + TILE_CELLS, size - 1), axis=axis)
+        values = which(which.reduceat(values, starts, axis=axis), far_edge)
+    return values.reshape(-1)
+
+
+def _stride_error(heights_m: FloatArray, stride: int) -> FloatArray:
+    """How far (ny, nx) the ground drawn with a stride is from every sample, m; a bound, as it takes both diagonals."""
+    if stride == 1:
+        return np.zeros_like(heights_m)
+    (r0, r1, ty), (c0, c1, tx) = (_brackets(size, stride) for size in heights_m.shape)
+    a, b = heights_m[np.ix_(r0, c0)], heights_m[np.ix_(r0, c1)]
+    c, d = heights_m[np.ix_(r1, c0)], heights_m[np.ix_(r1, c1)]
+    ty, tx = ty[:, None], tx[None, :]
+    bilinear = (1 - ty) * ((1 - tx) * a + tx * b) + ty * ((1 - tx) * c + tx * d)
+    return np.asarray(np.abs(heights_m - bilinear) + np.abs(a - b - c + d) / 4)
+
+
+def _brackets(size: int, stride: int) -> tuple[IntArray, IntArray, FloatArray]:
+    """For each sample the drawn ones before and after it, and its share of the way between."""
+    index = np.arange(size)
+    before = np.minimum(index // stride * stride, size - 1)
+    after = np.minimum(before + stride, size - 1)
+    share = (index - before) / np.maximum(after - before, 1)
+    return before.astype(np.int32), after.astype(np.int32), share
+
+
+@dataclass(frozen=True, eq=False)
+class Blocks:
+    """Rocks, cylinders and the apron as blocks of one mesh.
+
+    The first ``count`` blocks are the rocks as the picture mesh has them, the next ``count`` the same rocks coarse,
+    the last one is the apron.
+    """
+
+    vertices_w: FloatArray  # (V, 3)
+    faces: IntArray  # (F, 3)
+    ranges: IntArray  # (2 * count + 1, 4) first and past-last vertex and face
+    owner: IntArray  # (count,) rock or cylinder id of a block
+    face_block: IntArray  # (F,) 0..count-1
+    centre_w: FloatArray  # (count, 3) of the bounding sphere
+    radius_m: FloatArray  # (count,)
+    apron_face: int  # the first face of the apron
+
+    def choose(self, view: View) -> IntArray:
+        """Ranges (K, 4) of the blocks to draw, the apron always."""
+        distance = np.linalg.norm(self.centre_w - view.eye_w, axis=1) - self.radius_m
+        width_px = 2 * self.radius_m * view.focal_px / np.maximum(distance, NEAR)
+        seen = np.flatnonzero(view.sees(self.centre_w, self.radius_m) & (width_px >= INVISIBLE_BELOW_PX))
+        block = seen + np.where(width_px[seen] < COARSE_BELOW_PX, len(self.owner), 0)
+        return np.asarray(self.ranges[np.append(block, len(self.ranges) - 1)])
+
+    def ids(self, tags: IntArray) -> IntArray:
+        """Owner ids of a tag buffer; sky and ground stay what they are."""
+        ids = tags.copy()
+        stone = tags > GROUND_TAG
+        ids[stone] = self.owner[self.face_block[tags[stone] - 1]]
+        return ids
+
+    def all_fine(self) -> IntArray:
+        """Ranges of every rock as in the picture mesh, and no apron."""
+        return self.ranges[: len(self.owner)]
+
+
+def make_blocks(world: World) -> Blocks:
+    """Sort the meshes of a world by owner and add the apron."""
+    fine, fine_ranges, owner = _by_owner(world.picture_mesh)
+    coarse, coarse_ranges, coarse_owner = _by_owner(world.collision_mesh)
+    if not np.array_equal(owner, coarse_owner):
+        # A rock without a coarse form is drawn fine at every distance.
+        coarse, coarse_ranges = fine, fine_ranges
+    apron = make_apron(world.ground)
+    shifts = np.cumsum([[0, 0], _size(fine), _size(coarse)], axis=0)
+    parts, ranges = (fine, coarse, apron), (fine_ranges, coarse_ranges, np.array([[0, *_size(apron)]])[:, [0, 1, 0, 2]])
+    faces = np.concatenate([part.faces + shift[0] for part, shift in zip(parts, shifts, strict=True)])
+    shifted = np.concatenate([r + shift[[0, 0, 1, 1]] for r, shift in zip(ranges, shifts, strict=True)])
+    lower, upper = (
+        which.reduceat(fine.vertices_m, fine_ranges[:, 0], axis=0) if len(owner) else np.zeros((0, 3))
+        for which in (np.minimum, np.maximum)
+    )
+    return Blocks(
+        vertices_w=np.concatenate([part.vertices_m for part in parts]),
+        faces=np.ascontiguousarray(faces, dtype=np.int32),
+        ranges=np.ascontiguousarray(shifted, dtype=np.int32),
+        owner=owner,
+        face_block=np.concatenate([np.searchsorted(owner, part.owner) for part in parts]).astype(np.int32),
+        centre_w=(lower + upper) / 2,
+        radius_m=np.linalg.norm(upper - lower, axis=1) / 2,
+        apron_face=int(shifts[2, 1]),
+    )
+
+
+def _size(mesh: TriangleMesh) -> tuple[int, int]:
+    """Number of vertices and faces."""
+    return len(mesh.vertices_m), len(mesh.faces)
+
+
+def _by_owner(mesh: TriangleMesh) -> tuple[TriangleMesh, IntArray, IntArray]:
+    """The mesh sorted so that each owner has a run of vertices and one of faces; the runs (N, 4); the owners (N,)."""
+    owner, block, counts = np.unique(mesh.owner, return_inverse=True, return_counts=True)
+    order = np.argsort(block, kind="stable")
+    # A vertex that two owners share becomes two.
+    pair = block[order, None].astype(np.int64) * max(len(mesh.vertices_m), 1) + mesh.faces[order]
+    used, corner = np.unique(pair, return_inverse=True)
+    vertex_block, vertex = np.divmod(used, max(len(mesh.vertices_m), 1))
+    vertex_ends = np.searchsorted(vertex_block, np.arange(len(owner)), side="right")
+    face_ends = np.cumsum(counts)
+    ranges = np.column_stack([np.append(0, vertex_ends)[:-1], vertex_ends, np.append(0, face_ends)[:-1], face_ends])
+    sorted_mesh = TriangleMesh(mesh.vertices_m[vertex], corner.reshape(-1, 3).astype(np.int32), mesh.owner[order])
+    return sorted_mesh, ranges, owner.astype(np.int32)
+
+
+def ground_plane(ground: HeightField) -> tuple[float, float, float]:
+    """Least-squares plane ``z = a x + b y + c`` of the ground, as (a, b, c); a coarse grid of samples is enough."""
+    step = max(min(ground.heights_m.shape) // 64, 1)
+    z = ground.heights_m[::step, ::step]
+    y, x = np.indices(z.shape) * step * ground.resolution_m
+    columns = np.column_stack([x.ravel() + ground.origin_m[0], y.ravel() + ground.origin_m[1], np.ones(z.size)])
+    a, b, c = np.linalg.lstsq(columns, z.ravel(), rcond=None)[0]
+    return float(a), float(b), float(c)
+
+
+def make_apron(ground: HeightField) -> TriangleMesh:
+    """Rings of triangles around the map that run from its edge to its mean plane and on to the horizon."""
+    edge = _edge_loop(ground)
+    near, far = (_pushed_out(edge, width_m, ground_plane(ground)) for width_m in APRON_M)
+    # Along a straight edge the near ring is straight too, so fewer vertices leave no gap as long as corners stay.
+    ny, nx = ground.heights_m.shape
+    corners = np.cumsum([0, nx - 1, ny - 1, nx - 1])
+    few = np.union1d(np.arange(0, len(edge), APRON_STEP), corners)
+    n, m = len(edge), len(few)
+    faces = np.concatenate([_band(np.arange(n), n + np.arange(n)), _band(n + few, 2 * n + np.arange(m))])
+    return TriangleMesh(np.concatenate([edge, near, far[few]]), faces, np.zeros(len(faces), dtype=np.int32))
+
+
+def _pushed_out(loop: FloatArray, width_m: float, plane: tuple[float, float, float]) -> FloatArray:
+    """A loop around the map, ``width_m`` further out on each side and on the plane."""
+    low, high = loop[:, :2].min(axis=0), loop[:, :2].max(axis=0)
+    middle, half = (low + high) / 2, (high - low) / 2
+    xy = middle + (loop[:, :2] - middle) * (half + width_m) / half
+    return np.column_stack([xy, xy @ np.array(plane[:2]) + plane[2]])
+
+
+def _band(inner: NDArray[np.integer], outer: NDArray[np.integer]) -> IntArray:
+    """Triangles (2 N, 3) between two loops of as many vertices, upwards."""
+    i, o, j, p = inner, outer, np.roll(inner, -1), np.roll(outer, -1)
+    return np.concatenate([np.column_stack([i, o, p]), np.column_stack([i, p, j])]).astype(np.int32)
+
+
+def _edge_loop(ground: HeightField) -> FloatArray:
+    """The samples (N, 3) on the map's edge, counter-clockwise from the first one."""
+    ny, nx = ground.heights_m.shape
+    row = np.concatenate([np.zeros(nx - 1), np.arange(ny - 1), np.full(nx - 1, ny - 1), np.arange(ny - 1, 0, -1)])
+    column = np.concatenate([np.arange(nx - 1), np.full(ny - 1, nx - 1), np.arange(nx - 1, 0, -1), np.zeros(ny - 1)])
+    row, column = row.astype(int), column.astype(int)
+    x0, y0 = ground.origin_m
+    return np.column_stack(
+        [x0 + ground.resolution_m * column, y0 + ground.resolution_m * row, ground.heights_m[row, column]]
+    )

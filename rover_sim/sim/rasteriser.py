@@ -1,0 +1,92 @@
+"""The software rasteriser: a deferred renderer of one world on one processor thread.
+
+Order of a frame: choose tiles and rocks, project and draw them into keys and tags, then light each pixel once.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rover_sim.sim import raster_kernels as raster
+from rover_sim.sim import shade_kernels as shading
+from rover_sim.sim.appearance import make_light, make_stones
+from rover_sim.sim.raster_scene import View, ground_plane, make_blocks, make_tiles
+from rover_sim.sim.renderer import RenderedImage, check_camera, pose_rotation
+from rover_sim.sim.shadow_map import BIAS_TEXELS, make_shadow_map
+from rover_sim.sim.textures import drift_texture, ground_texture, rock_texture
+from worlds.types import CameraModel, HeightField, IntArray, Pose, World
+
+PEBBLE_COVER = (0.8, 0.10)  # pebbles cover this many times the rocks' share of area, at most so much
+
+
+class Rasteriser:
+    """Takes pictures of one world; the same world and pose give the same bytes."""
+
+    def __init__(self, world: World) -> None:
+        rng = np.random.default_rng([world.seed, 0xCA3E7A])
+        cover = min(PEBBLE_COVER[0] * world.scenario.rocks.cfa, PEBBLE_COVER[1])
+        self._fine, self._drift = ground_texture(cover, rng), drift_texture(rng)
+        self._solid = rock_texture(rng)
+        self._light = make_light(world.scenario.sun)
+        self._blocks = make_blocks(world)
+        self._stones = make_stones(self._blocks, frozenset(c.id for c in world.cylinders), rng)
+        self._set_ground(world.ground)
+
+    def _set_ground(self, ground: HeightField) -> None:
+        """Everything that follows from the heights: tiles, slopes, shadows."""
+        self._ground = ground
+        self._heights = np.ascontiguousarray(ground.heights_m, dtype=np.float64)
+        self._grid = (*ground.origin_m, ground.resolution_m)
+        self._tiles = make_tiles(ground)
+        self._surface = make_surface(ground)
+        self._shadow = make_shadow_map(ground, self._blocks, self._light.to_sun_w)
+
+    def render(self, camera: CameraModel, camera_pose: Pose) -> RenderedImage:
+        """Picture, depth and ids from a pose whose axes are the camera's right, down and forward."""
+        check_camera(camera)
+        view = View(
+            np.asarray(camera_pose.position_w, dtype=float),
+            pose_rotation(camera_pose),
+            camera.focal_px,
+            camera.width_px,
+            camera.height_px,
+        )
+        keys = np.zeros((camera.height_px, camera.width_px), dtype=np.float32)
+        tags = np.full(keys.shape, raster.EMPTY_TAG, dtype=np.int32)
+        self._draw(view, keys, tags)
+        image = np.empty((*keys.shape, 3), dtype=np.uint8)
+        shading.shade(
+            keys,
+            tags,
+            shading.Lens(view.eye_w, np.ascontiguousarray(view.rotation), camera.focal_px),
+            self._surface,
+            self._fine,
+            self._drift,
+            self._stones,
+            self._solid,
+            self._shadow,
+            BIAS_TEXELS / self._shadow.matrix[0, 0],
+            self._light,
+            image,
+        )
+        depth = np.full(keys.shape, np.inf, dtype=np.float32)
+        np.divide(np.float32(1.0), keys, out=depth, where=keys > 0)
+        return RenderedImage(image, depth, self._blocks.ids(tags))
+
+    def _draw(self, view: View, keys: raster.KeyArray, tags: IntArray) -> None:
+        """Fill the key and tag buffers."""
+        matrix = view.matrix()
+        tiles, drops = self._tiles.choose(view)
+        blocks = self._blocks
+        raster.draw_tiles(self._heights, self._grid, tiles, drops, matrix, keys, tags)
+        raster.draw_blocks(
+            blocks.vertices_w, blocks.faces, blocks.choose(view), blocks.apron_face, 1.0, matrix, keys, tags
+        )
+
+
+def make_surface(ground: HeightField) -> shading.Surface:
+    """Slopes by central differences, and those of the mean plane for what lies beyond the edge."""
+    dy, dx = np.gradient(ground.heights_m, ground.resolution_m)
+    beyond_x, beyond_y, _ = ground_plane(ground)
+    slopes = np.stack([dx, dy], axis=-1).astype(np.float32)
+    return shading.Surface(slopes, *ground.origin_m, ground.resolution_m, beyond_x, beyond_y)
