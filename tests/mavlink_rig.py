@@ -5,7 +5,15 @@ from __future__ import annotations
 import numpy as np
 
 from planner.mobility import body_motion
+from rover_sim.autopilot.autopilot import Autopilot
+from rover_sim.mavlink.dialect import Message, Packer, Parser
+from rover_sim.mavlink.endpoint import Link
+from rover_sim.mavlink.geodesy import LocalFrame
+from rover_sim.mavlink.memory import Faults, memory_link
+from rover_sim.mavlink.streams import GROUND_STATION_RATES
+from rover_sim.mavlink.vehicle import Vehicle
 from worlds.geometry import quaternion_from_euler
+from worlds.scenario import Origin
 from worlds.types import Footprint, GnssReading, ImuReading, Pose, PoseEstimate, SensorReadings
 
 FOOTPRINT = Footprint(
@@ -59,3 +67,69 @@ class KinematicRover:
             wheel_speed_rad_s=self.wheels,
             gnss=GnssReading((self.x_m, self.y_m, 0.0), (0.0, 0.0, 0.0), 0.5),
         )
+
+
+class Station:
+    """A scripted ground station on its own memory link."""
+
+    def __init__(self, system: int = 255, component: int = 190, faults: Faults | None = None, seed: int = 1) -> None:
+        ours, theirs = memory_link(faults, np.random.default_rng(seed))
+        self.link = Link(theirs, GROUND_STATION_RATES)
+        self._end = ours
+        self._parser = Parser()
+        self.packer = Packer(system, component)
+        self.system = system
+        self.component = component
+        self.heard: list[Message] = []
+
+    def send(self, message: Message, time_s: float) -> None:
+        self._end.send(self.packer.pack(message), "memory", time_s)
+
+    def send_bytes(self, data: bytes, time_s: float) -> None:
+        self._end.send(data, "memory", time_s)
+
+    def listen(self, time_s: float) -> None:
+        for _, data in self._end.receive(time_s):
+            self.heard += self._parser.datagram(data)
+
+    def take(self, *names: str) -> list[Message]:
+        """What was heard of these messages since the last call, everything else kept."""
+        taken = [message for message in self.heard if message.get_type() in names]
+        self.heard = [message for message in self.heard if message.get_type() not in names]
+        return taken
+
+
+class Yard:
+    """A vehicle on its rover, any number of stations, and a clock that only the test moves."""
+
+    def __init__(self, *stations: Station, log: Link | None = None) -> None:
+        self.rover = KinematicRover()
+        self.autopilot = Autopilot(FOOTPRINT, (0.0, 0.0, 0.0))
+        self.frame = LocalFrame(Origin())
+        self.stations = stations
+        self.vehicle = Vehicle(self.autopilot, self.frame, [station.link for station in stations], log)
+        self.step()
+
+    @property
+    def time_s(self) -> float:
+        return self.rover.time_s
+
+    def step(self, seconds: float = 0.0) -> None:
+        """At least one tick of 1/48 s; more until the time has passed."""
+        end = self.time_s + seconds
+        while True:
+            estimate, readings = self.rover.estimate(), self.rover.readings()
+            wheels = self.autopilot.update(self.time_s, estimate, readings)
+            self.vehicle.tick(self.time_s, estimate, readings)
+            for station in self.stations:
+                station.listen(self.time_s)
+            self.rover.move(wheels, 1.0 / 48.0)
+            if self.time_s >= end - 1e-9:
+                return
+
+    def ask(self, station: Station, message: Message, *names: str) -> list[Message]:
+        """Send, tick once, and return what came back of these kinds."""
+        station.take(*names)
+        station.send(message, self.time_s)
+        self.step()
+        return station.take(*names)

@@ -57,6 +57,8 @@ class Endpoint:
         self._channels: dict[tuple[int, str], Channel] = {}
         self._log = None if log is None else self._channel(log, "tlog")
         self._tlog = log.transport if log is not None and isinstance(log.transport, TlogWriter) else None
+        for number, link in enumerate(self._links):
+            self._refresh(number, link, self.time_s)
 
     @property
     def channels(self) -> list[Channel]:

@@ -38,12 +38,14 @@ def turning_items(yaw_rad: float, frame: LocalFrame, home_w: Vector3) -> list[Wi
 def home_item(frame: LocalFrame, home_w: Vector3) -> WireItem:
     """Item 0: the home position, a waypoint in the absolute frame."""
     place = frame.to_geo(home_w)
-    return WireItem(mavlink.MAV_FRAME_GLOBAL, WAYPOINT, _NONE, place.latitude_e7, place.longitude_e7, place.altitude_m)
+    return WireItem(
+        mavlink.MAV_FRAME_GLOBAL, WAYPOINT, _NONE, place.latitude_e7, place.longitude_e7, _millimetres(place.altitude_m)
+    )
 
 
 def _waypoint(place_w: Vector3, frame: LocalFrame, home_w: Vector3) -> WireItem:
     place = frame.to_geo(place_w)
-    above_home = place.altitude_m - frame.to_geo(home_w).altitude_m
+    above_home = _millimetres(place.altitude_m - frame.to_geo(home_w).altitude_m)
     relative = mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT
     return WireItem(relative, WAYPOINT, _NONE, place.latitude_e7, place.longitude_e7, above_home)
 
@@ -51,3 +53,7 @@ def _waypoint(place_w: Vector3, frame: LocalFrame, home_w: Vector3) -> WireItem:
 def _command(command: int, *parameters: float) -> WireItem:
     one, two, three, four = (*parameters, *(0.0,) * (4 - len(parameters)))
     return WireItem(mavlink.MAV_FRAME_MISSION, command, (one, two, three, four), 0, 0, 0.0)
+
+
+def _millimetres(height_m: float) -> float:
+    return round(height_m, 3)

@@ -27,6 +27,7 @@ COMPANION_RATES: Mapping[int, float] = {
     mavlink.MAVLINK_MSG_ID_HOME_POSITION: 1.0,
 }
 FASTEST_HZ = 50.0
+SLOWEST_S = 2000.0  # MESSAGE_INTERVAL counts microseconds in 31 bits
 
 
 class Streams:
@@ -59,7 +60,7 @@ class Streams:
         """As MAVLink's SET_MESSAGE_INTERVAL: microseconds, 0 the default rate (if any), below 0 off."""
         interval = self._defaults.get(message, 0.0) if interval_us == 0 else interval_us / 1e6
         if interval > 0.0:
-            self._interval_s[message] = max(interval, 1.0 / FASTEST_HZ)
+            self._interval_s[message] = min(max(interval, 1.0 / FASTEST_HZ), SLOWEST_S)
             self._next_s[message] = time_s
         else:
             self._interval_s.pop(message, None)

@@ -84,8 +84,12 @@ class Telemetry:
         return True
 
     def set_interval(self, client: Client, message_id: int, interval_us: float) -> bool:
-        """Change one stream of one client; False if there is no such message."""
-        if message_id not in BUILDERS or not math.isfinite(interval_us):
+        """Change one stream of one client; False if there is no such message, or if it is the heartbeat.
+
+        Programs that share a channel share its streams: none may silence the sign of life for the others.
+        """
+        fixed = message_id == mavlink.MAVLINK_MSG_ID_HEARTBEAT
+        if message_id not in BUILDERS or fixed or not math.isfinite(interval_us):
             return False
         client.channel.streams.set_interval(message_id, interval_us, self._context.time_s)
         return True

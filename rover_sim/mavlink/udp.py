@@ -93,7 +93,7 @@ class UdpOut:
             except BlockingIOError:
                 break
             except ConnectionError:  # an answer to an earlier send: nobody listens there yet
-                continue
+                self.lost_frames += 1
         return chunks
 
     def close(self) -> None:
