@@ -6,7 +6,7 @@ grid of the windows. Steps 9 and 10, the paths, belong to the planner.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -23,7 +23,7 @@ from perception.soil_reference import sky_mask, soil_reference
 from perception.terrain_class import classify, window_features
 from worlds.types import BoolArray, ByteArray, Frame, IntArray, Observation, PerceivedRock
 
-__all__ = ["ImageRock", "Knowledge", "Perception", "load_knowledge", "perceive"]
+__all__ = ["ImageRock", "Knowledge", "Perception", "View", "examine", "load_knowledge", "on_ground", "perceive"]
 
 WORKING_SIZE_PX = (320, 240)  # width, height; the paper's picture
 _BLACK = 2  # grey levels up to which a pixel is missing data
@@ -43,7 +43,7 @@ class ImageRock:
     length_px: float  # along it
     sections_px: tuple[float, ...]  # A0..A8 across it
     touches_border: bool
-    placed: PerceivedRock | None  # on the ground; None without a camera pose or out of range
+    placed: PerceivedRock | None = None  # on the ground; None without a camera pose or out of range
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,32 +56,51 @@ class Perception:
     labels: IntArray  # (240, 320) rock id, 0 = none
     hidden: BoolArray  # (240, 320) sky, beyond the horizon, or no data
     rocks: tuple[ImageRock, ...]
+    outlines: RockOutlines  # of the rocks, in their order
     classes: NDArray[np.str_]  # (12, 16) letters of TerrainClass, top row first
     observation: Observation | None
 
 
 def perceive(frame: Frame, knowledge: Knowledge) -> Perception:
     """Rocks and terrain classes of one frame; without camera pose and ground there is no observation."""
-    picture = working_picture(frame.image)
-    scale = (frame.image.shape[1] / WORKING_SIZE_PX[0], frame.image.shape[0] / WORKING_SIZE_PX[1])
-    view = None
-    if frame.camera_pose is not None and frame.ground is not None:
-        view = View(frame.camera, frame.camera_pose, frame.ground)
-    lab, grey = smoothed(picture, knowledge.binarization.blur_px)
-    raw_grey = picture if picture.ndim == 2 else np.asarray(cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY), dtype=np.uint8)
-    hidden = hidden_mask(raw_grey, lab, view, scale, knowledge)
-    found = binarize(lab, grey, soil_reference(lab, hidden, knowledge.soil), hidden, knowledge)
-    blobs, certainty = classify_blobs(raw_grey, found, knowledge)
+    if frame.camera_pose is None or frame.ground is None:
+        return examine(frame.image, knowledge)
+    view = View(frame.camera, frame.camera_pose, frame.ground)
+    return on_ground(examine(frame.image, knowledge, view), view, frame.time_s, knowledge)
+
+
+def examine(image: ByteArray, knowledge: Knowledge, view: View | None = None) -> Perception:
+    """All that one picture, grey (H, W) or RGB (H, W, 3), shows; ``view`` only tells where the horizon is."""
+    picture = working_picture(image)
+    scale = (image.shape[1] / WORKING_SIZE_PX[0], image.shape[0] / WORKING_SIZE_PX[1])
+    lab, soft_grey = smoothed(picture, knowledge.binarization.blur_px)
+    grey = picture if picture.ndim == 2 else np.asarray(cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY), dtype=np.uint8)
+    hidden = hidden_mask(grey, lab, view, scale, knowledge)
+    found = binarize(lab, soft_grey, soil_reference(lab, hidden, knowledge.soil), hidden, knowledge)
+    blobs, certainty = classify_blobs(grey, found, knowledge)
     shape = outlines(blobs, knowledge.rock.round_ratio)
-    placed: list[PerceivedRock | None] = [None] * len(blobs)
-    if view:
-        placed = place_rocks(view, shape, certainty, scale, knowledge.ground)
     mask = blobs.labels > 0
-    features = window_features(raw_grey, mask, big_rock(blobs, shape, knowledge.rock.big_extent_px), hidden)
+    features = window_features(grey, mask, big_rock(blobs, shape, knowledge.rock.big_extent_px), hidden)
     classes = classify(features, knowledge.terrain_rules)
-    observation = _observation(frame.time_s, view, placed, classes, knowledge) if view else None
-    rocks = _image_rocks(blobs, shape, certainty, placed)
-    return Perception(scale, found.score, mask, blobs.labels, hidden, rocks, classes, observation)
+    rocks = _image_rocks(blobs, shape, certainty)
+    return Perception(scale, found.score, mask, blobs.labels, hidden, rocks, shape, classes, None)
+
+
+def on_ground(found: Perception, view: View, time_s: float, knowledge: Knowledge) -> Perception:
+    """The same with its rocks and windows placed on the ground that ``view`` looks at."""
+    certainty = np.array([rock.certainty for rock in found.rocks])
+    placed = place_rocks(view, found.outlines, certainty, found.scale, knowledge.ground)
+    reach = knowledge.ground.max_range_m
+    shape = (found.classes.shape[0], found.classes.shape[1])
+    observation = Observation(
+        time_s,
+        tuple(rock for rock in placed if rock is not None),
+        found.classes,
+        window_centres(view.camera, view.pose, view.plane, shape, reach),
+        footprint(view.camera, view.pose, view.plane, reach),
+    )
+    rocks = tuple(replace(rock, placed=place) for rock, place in zip(found.rocks, placed, strict=True))
+    return replace(found, rocks=rocks, observation=observation)
 
 
 def working_picture(image: ByteArray) -> ByteArray:
@@ -129,18 +148,7 @@ def big_rock(blobs: Blobs, shape: RockOutlines, extent_px: float) -> BoolArray:
     return np.asarray(big[blobs.labels])
 
 
-def _observation(
-    time_s: float, view: View, placed: list[PerceivedRock | None], classes: NDArray[np.str_], know: Knowledge
-) -> Observation:
-    reach = know.ground.max_range_m
-    centres = window_centres(view.camera, view.pose, view.plane, (classes.shape[0], classes.shape[1]), reach)
-    outline = footprint(view.camera, view.pose, view.plane, reach)
-    return Observation(time_s, tuple(rock for rock in placed if rock is not None), classes, centres, outline)
-
-
-def _image_rocks(
-    blobs: Blobs, shape: RockOutlines, certainty: NDArray[np.float64], placed: list[PerceivedRock | None]
-) -> tuple[ImageRock, ...]:
+def _image_rocks(blobs: Blobs, shape: RockOutlines, certainty: NDArray[np.float64]) -> tuple[ImageRock, ...]:
     return tuple(
         ImageRock(
             id=i + 1,
@@ -151,9 +159,8 @@ def _image_rocks(
             formation=int(shape.formation[i]),
             axis_rad=float(blobs.axis_rad[i]),
             length_px=float(shape.length_px[i]),
-            sections_px=tuple(float(d) for d in shape.sections_px[i]),
+            sections_px=tuple(shape.sections_px[i].tolist()),
             touches_border=bool(blobs.border[i].any()),
-            placed=placed[i],
         )
         for i, box in enumerate(blobs.box_px)
     )
