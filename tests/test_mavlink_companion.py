@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from collections import deque
+
 import numpy as np
 import pytest
 
@@ -61,14 +63,13 @@ def test_upload_arm_start_and_follow_to_the_end() -> None:
 
 def test_a_new_plan_while_driving_is_driven_without_another_command() -> None:
     pair = Pair()
-    pair.companion.upload(pair.items((9.0, 0.0)), 0.0)
-    pair.companion.arm()
-    pair.run(0.5)
-    pair.companion.start_mission()
-    pair.run(4.0)
+    pair.companion.drive(pair.items((9.0, 0.0)), 0.0)
+    pair.run(4.5)
     assert pair.rover.x_m > 1.0
-    pair.companion.upload(pair.items((3.0, 3.0)), pair.time_s)
+    upload = pair.companion.drive(pair.items((3.0, 3.0)), pair.time_s)
+    assert pair.companion._commander._queue == deque()
     pair.run(15.0)
+    assert upload.state is UploadState.DONE
     assert np.hypot(pair.rover.x_m - 3.0, pair.rover.y_m - 3.0) < 0.5
 
 
@@ -102,6 +103,31 @@ def test_upload_under_20_percent_loss_and_half_a_second_of_delay(seed: int) -> N
     assert [item.x for item in pair.vehicle.store.items] == [item.x for item in items]
     assert arm.state is CommandState.DONE
     assert pair.autopilot.armed
+
+
+def test_after_a_slip_stop_the_companion_drives_on_with_another_mission() -> None:
+    pair = Pair()
+    pair.companion.drive(pair.items((9.0, 0.0)), 0.0)
+    pair.run(3.0)
+    pair.rover.slip = 0.9
+    pair.run(6.0)
+    assert pair.companion.status.mode == Mode.HOLD
+    assert any(text.startswith("Slip stop") for _, _, text in pair.companion.status.texts)
+    pair.rover.slip = 0.0
+    x = pair.rover.x_m
+    pair.companion.drive(backing_items((x - 1.0, 0.0, 0.0), pair.frame, HOME), pair.time_s)
+    pair.run(6.0)
+    assert pair.rover.x_m == pytest.approx(x - 1.0, abs=0.35)
+    assert pair.companion.status.mission_state is MissionState.COMPLETE
+
+
+def test_100_items_at_25_percent_loss() -> None:
+    pair = Pair(Faults(loss=0.25), 3)
+    items = pair.items(*((0.1 * step, 0.0) for step in range(99)))
+    upload = pair.companion.upload(items, 0.0)
+    pair.run(90.0)
+    assert upload.state is UploadState.DONE
+    assert [item.x for item in pair.vehicle.store.items] == [item.x for item in items]
 
 
 def test_only_the_newest_waiting_plan_is_sent() -> None:

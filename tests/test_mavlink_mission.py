@@ -234,7 +234,7 @@ def test_an_upload_of_no_items_clears(yard: Yard, station: Station) -> None:
 
 def test_a_lone_empty_home_clears_as_mavsdk_means_it(yard: Yard, station: Station) -> None:
     upload(yard, station, ITEMS)
-    assert upload(yard, station, [WireItem(0, 16, (0, 0, 0, 0), 0, 0, 0.0)]) == [ACCEPTED]
+    assert upload(yard, station, [WireItem(3, 16, (0, 0, 0, 0), 0, 0, 0.0)]) == [ACCEPTED]
     assert download(yard, station) == []
 
 

@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
+from rover_sim.autopilot.modes import Mode
 from rover_sim.mavlink.context import Context
 from rover_sim.mavlink.dialect import Message, mavlink
 from rover_sim.mavlink.endpoint import Client
@@ -98,7 +99,7 @@ def _yaw(context: Context, _telemetry: Telemetry, request: Request) -> int:
 
 
 def _return(context: Context, _telemetry: Telemetry, _request: Request) -> int:
-    return _result(context.autopilot.set_mode(11))
+    return _result(context.autopilot.set_mode(Mode.RETURN))
 
 
 def _set_home(context: Context, _telemetry: Telemetry, request: Request) -> int:

@@ -6,12 +6,12 @@ from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from rover_sim.autopilot.modes import MissionState
+from rover_sim.autopilot.modes import MissionState, Mode
 from rover_sim.mavlink.commander import Commander, PendingCommand
 from rover_sim.mavlink.dialect import Message, mavlink
 from rover_sim.mavlink.endpoint import Endpoint, Link
 from rover_sim.mavlink.geodesy import heading_deg
-from rover_sim.mavlink.uploader import Upload, Uploader
+from rover_sim.mavlink.uploader import Upload, Uploader, UploadState
 from rover_sim.mavlink.wire import WireItem
 
 COMPONENT = int(mavlink.MAV_COMP_ID_ONBOARD_COMPUTER)
@@ -45,6 +45,7 @@ class Companion:
         self._chunks: dict[int, str] = {}
         self._time_s = 0.0
         self._beat_s: float | None = None
+        self._to_drive: Upload | None = None
         self._handlers: Mapping[str, Callable[[Message], None]] = {
             "HEARTBEAT": self._heartbeat,
             "MISSION_CURRENT": self._mission_current,
@@ -69,8 +70,15 @@ class Companion:
 
     def upload(self, items: Sequence[WireItem], time_s: float) -> Upload:
         """Send a mission; while another is on its way it waits, and only the newest waits."""
+        self._to_drive = None
         self._status = replace(self._status, reached=())
         return self._uploader.upload(items, time_s)
+
+    def drive(self, items: Sequence[WireItem], time_s: float) -> Upload:
+        """Send a mission and, once the vehicle has it whole, arm and start where that is not so already."""
+        upload = self.upload(items, time_s)
+        self._to_drive = upload
+        return upload
 
     def command(self, command: int, *parameters: float) -> PendingCommand:
         """Send a command (COMMAND_LONG), after those that are still unanswered."""
@@ -101,6 +109,8 @@ class Companion:
             if handler is not None and (client.system, client.component) == self._vehicle:
                 handler(message)
         self._uploader.tick(time_s)
+        if self._to_drive is not None and self._to_drive.state is not UploadState.SENDING:
+            self._start(self._to_drive)
         self._commander.tick(time_s)
         if self._beat_s is None or time_s - self._beat_s >= 1.0:
             self._beat_s = time_s
@@ -110,6 +120,15 @@ class Companion:
     def close(self) -> None:
         """Close the link."""
         self.endpoint.close()
+
+    def _start(self, upload: Upload) -> None:
+        """A start before the end of the upload would start the mission before."""
+        self._to_drive = None
+        if upload.state is UploadState.DONE:
+            if not self._status.armed:
+                self.arm()
+            if self._status.mode != Mode.AUTO:
+                self.start_mission()
 
     def _send(self, message: Message) -> None:
         self.endpoint.broadcast(message)

@@ -23,8 +23,8 @@ class MissionStore:
 
     def replace(self, items: list[WireItem]) -> None:
         """Store checked items and hand them to the autopilot; the item marked as current is where it begins."""
-        if len(items) == 1 and items[0].is_home and items[0].x == items[0].y == 0:
-            items = []  # how MAVSDK clears the mission of an ArduPilot
+        if len(items) == 1 and items[0].is_blank:
+            items = []
         typed = tuple(self.check(item, seq) for seq, item in enumerate(items))
         marked = next((seq for seq, item in enumerate(items) if item.current == 1), None)
         self.items = tuple(items)

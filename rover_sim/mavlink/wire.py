@@ -58,7 +58,12 @@ class WireItem:
 
         Ground stations that know the rule send home as a waypoint in the absolute frame; see docs/mavlink.md.
         """
-        return self.command == WAYPOINT and self.frame in _ABSOLUTE
+        return self.command == WAYPOINT and (self.frame in _ABSOLUTE or self.is_blank)
+
+    @property
+    def is_blank(self) -> bool:
+        """A waypoint without a place: MAVSDK uploads it alone, as home, to clear the mission of an ArduPilot."""
+        return self.command == WAYPOINT and self.x == 0 and self.y == 0
 
 
 class RefusedItemError(Exception):
