@@ -15,11 +15,12 @@ class ObstacleIndex:
     """Finds the obstacle whose vertices are nearest to a point."""
 
     def __init__(self, mesh: TriangleMesh) -> None:
-        corners = np.repeat(mesh.owner, 3).astype(np.int64)
-        pairs = np.unique(np.stack([corners, mesh.faces.ravel().astype(np.int64)], axis=1), axis=0)
-        self._ids, starts = np.unique(pairs[:, 0], return_index=True)
+        count = max(len(mesh.vertices_m), 1)
+        # Each vertex once per obstacle, as one number: sorting pairs of columns takes ten times as long.
+        pairs = np.unique(np.repeat(mesh.owner, 3).astype(np.int64) * count + mesh.faces.ravel())
+        self._ids, starts = np.unique(pairs // count, return_index=True)
         self._starts = np.append(starts, len(pairs)).astype(np.int64)
-        self._vertices = np.ascontiguousarray(mesh.vertices_m[pairs[:, 1]], dtype=np.float64).reshape(-1, 3)
+        self._vertices = np.ascontiguousarray(mesh.vertices_m[pairs % count], dtype=np.float64).reshape(-1, 3)
         self._low, self._high = _boxes(self._vertices, self._starts)
 
     def nearest(self, point_w: Vector3) -> int:

@@ -6,7 +6,7 @@ from math import sqrt
 
 import numpy as np
 
-from rover_sim.sim import vehicle_kernel as kernel
+from rover_sim.sim import soil_kernels as kernel
 from rover_sim.sim.rover import Box, RoverModel
 from rover_sim.sim.terramechanics import WheelSoil
 from worlds.soil import Soil

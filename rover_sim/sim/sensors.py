@@ -39,7 +39,7 @@ class Sensors:
         self._last: SensorReadings | None = None
 
     def start(self, raw: FloatArray, wheel_angles_rad: Sequence[float]) -> None:
-        """Begin at time zero with the rover at rest; ``raw`` as in `vehicle_kernel.ground_forces`."""
+        """Begin at time zero with the rover at rest; ``raw`` as in `soil_kernels.ground_forces`."""
         self._time_s, self._velocity = 0.0, raw[7:10].copy()
         self._counts = _count(wheel_angles_rad)
         self._next_fix = 0

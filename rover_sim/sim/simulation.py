@@ -15,8 +15,8 @@ from rover_sim.sim.contacts import ContactReader
 from rover_sim.sim.rover import RoverModel
 from rover_sim.sim.rover_ground import RoverGround
 from rover_sim.sim.sensors import Sensors
+from rover_sim.sim.soil_kernels import FORCE, POINT
 from rover_sim.sim.vehicle_state import BodyContact, VehicleState
-from rover_sim.sim.wheel_kernel import FORCE, POINT
 from worlds.types import SensorReadings, World
 
 _SETTLE_S = 4.0  # at most

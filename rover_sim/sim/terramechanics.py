@@ -6,7 +6,7 @@ from math import hypot, sqrt, tan
 
 import numpy as np
 
-from rover_sim.sim import wheel_kernel as kernel
+from rover_sim.sim import soil_kernels as kernel
 from rover_sim.sim.rover import RoverModel
 from rover_sim.sim.wong_reece import wheel_table
 from worlds.soil import Soil
@@ -42,7 +42,7 @@ class WheelSoil:
         for i, load in enumerate(loads_N):
             _, _, sinkage, contact = kernel.steady(self.table, self.constants[kernel.LOAD_STEP], load, 0.0)
             share = self._holding_slip(load, hypot(*pull)) * contact / max(hypot(*pull), 1e-9)
-            self.state[i] = (share * pull[0], share * pull[1], sinkage, contact)
+            self.state[i] = (share * pull[0], share * pull[1], sinkage, contact, 0.0)
             depth[i] = sinkage + load / self.constants[kernel.STIFFNESS]
         return depth
 
@@ -53,7 +53,7 @@ class WheelSoil:
         return float(np.interp(pull, np.maximum.accumulate(thrust) - thrust[0], slips))
 
     def step(self, motion: FloatArray, dt: float) -> FloatArray:
-        """Advance by ``dt``; ``motion`` (n, 13) and the returned array (n, 13) as in `wheel_kernel.wheel_forces`."""
+        """Advance by ``dt``; ``motion`` (n, 13) and the returned array (n, 13) as in `soil_kernels.wheel_forces`."""
         kernel.wheel_forces(self.ground, self.grid, self.table, self.constants, motion, self.state, self.result, dt)
         return self.result
 

@@ -7,7 +7,7 @@ from math import acos
 
 import numpy as np
 
-from rover_sim.sim import wheel_kernel as kernel
+from rover_sim.sim import soil_kernels as kernel
 from rover_sim.sim.rover import RoverModel
 from rover_sim.sim.stability import force_angle
 from rover_sim.sim.vehicle_state import BodyContact, VehicleState
@@ -28,8 +28,8 @@ class Snapshot:
     gravity_m_s2: float
     rover: RoverModel
     ground: HeightField
-    raw: FloatArray  # (13 + n,) as in vehicle_kernel.ground_forces
-    wheels: FloatArray  # (n, 13) as in wheel_kernel
+    raw: FloatArray  # (13 + n,) as in soil_kernels.ground_forces
+    wheels: FloatArray  # (n, 13) as in soil_kernels
     rock_loads_N: FloatArray  # (n,)
     torques_Nm: FloatArray  # (n,)
     power_W: float

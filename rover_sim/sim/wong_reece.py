@@ -86,14 +86,25 @@ def _integrals(entry: float, slip: float, p: FloatArray, count: int) -> tuple[fl
 
 @njit(cache=True)
 def _entry_angle(load: float, slip: float, p: FloatArray, count: int) -> float:
-    """Entry angle (rad) at which the soil carries ``load``, by bisection; the largest one if it never does."""
+    """Entry angle (rad) at which the soil carries ``load``, by false position; the largest if never."""
     low, high = 0.0, _LARGEST_ENTRY_RAD
-    for _ in range(34):
-        middle = 0.5 * (low + high)
-        if _integrals(middle, slip, p, count)[0] < load:
-            low = middle
+    below, above = -load, _integrals(high, slip, p, count)[0] - load
+    if above <= 0.0:
+        return high
+    side = 0
+    for _ in range(80):
+        middle = low + (high - low) * below / (below - above)
+        value = _integrals(middle, slip, p, count)[0] - load
+        if abs(value) < 1e-7 * load or high - low < 1e-12:
+            return middle
+        if value < 0.0:
+            low, below = middle, value
+            above = 0.5 * above if side < 0 else above
+            side = -1
         else:
-            high = middle
+            high, above = middle, value
+            below = 0.5 * below if side > 0 else below
+            side = 1
     return 0.5 * (low + high)
 
 
@@ -140,7 +151,7 @@ def steady_wheel(soil: Soil, wheel: WheelShape, load_N: float, slip: float, poin
 
 
 @lru_cache(maxsize=32)
-def wheel_table(soil: Soil, wheel: WheelShape, largest_load_N: float, points: int = 61) -> WheelTable:
+def wheel_table(soil: Soil, wheel: WheelShape, largest_load_N: float, points: int = 41) -> WheelTable:
     """Table of the steady wheel up to ``largest_load_N``, computed once for a soil and a wheel."""
     values = np.zeros((_LOADS, _SLIPS, 4))
     load_step = sqrt(largest_load_N) / (_LOADS - 1)

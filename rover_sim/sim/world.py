@@ -5,6 +5,7 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from math import sqrt
 from pathlib import Path
 
 import numpy as np
@@ -62,15 +63,15 @@ def add_rover(client: int, rover: RoverModel, pose: Pose) -> RoverBody:
         for number in range(pybullet.getNumJoints(body, physicsClientId=client))
     }
     wheels = tuple(joints[name] for name in WHEEL_NAMES)
-    _set_dynamics(client, body, wheels)
+    _set_dynamics(client, RoverBody(body, wheels), rover)
     return RoverBody(body, wheels)
 
 
-def _set_dynamics(client: int, body: int, wheels: Sequence[int]) -> None:
+def _set_dynamics(client: int, body: RoverBody, rover: RoverModel) -> None:
     """No artificial damping; friction against rock only, as the ground is the soil model's."""
-    for link, friction in [(CHASSIS, _CHASSIS_FRICTION), *((wheel, _WHEEL_FRICTION) for wheel in wheels)]:
+    for link, friction in [(CHASSIS, _CHASSIS_FRICTION), *((wheel, _WHEEL_FRICTION) for wheel in body.wheels)]:
         pybullet.changeDynamics(
-            body,
+            body.body,
             link,
             lateralFriction=friction,
             spinningFriction=0.0,
@@ -79,6 +80,16 @@ def _set_dynamics(client: int, body: int, wheels: Sequence[int]) -> None:
             linearDamping=0.0,
             angularDamping=0.0,
             jointDamping=0.0,
+            physicsClientId=client,
+        )
+    # A wheel is as soft against rock as on the ground: without it each rock is a hammer blow of one step.
+    damping = sqrt(rover.wheel.stiffness_N_m * rover.mass_kg / len(body.wheels))
+    for wheel in body.wheels:
+        pybullet.changeDynamics(
+            body.body,
+            wheel,
+            contactStiffness=rover.wheel.stiffness_N_m,
+            contactDamping=damping,
             physicsClientId=client,
         )
 

@@ -1,9 +1,12 @@
-"""The compiled wheel-soil step: contact, plastic sinkage and shear of all wheels at once.
+"""The compiled step of a rover on the ground: contact, plastic sinkage and shear of all wheels at once, and the belly.
 
 Contact: a plane through seven heights under the wheel (the tyre envelops what is smaller), penetration of the rim
 along its normal, a spring and damper on what the plastic sinkage leaves. Sinkage and traction relax toward the steady
 Wong-Reece wheel (a table over load and slip) over one contact length of travel. The shear displacement (j_x, j_y) of
 each wheel is a state, so that a parked wheel is held by a spring and both directions share one limit.
+
+One file on purpose: numba's cache looks only at the file of the outermost function, so compiled code that is called
+from another file would go on running after it was changed.
 """
 
 from __future__ import annotations
@@ -12,14 +15,16 @@ from math import atan2, exp, sqrt
 
 from numba import njit
 
-from rover_sim.sim.ground_kernel import ground_height
 from worlds.types import FloatArray
 
 Triple = tuple[float, float, float]
 
+# Columns of the motion of body and wheels.
+BODY_COLUMNS = 18
+MOTION_COLUMNS = 13
 # Columns of the state of a wheel, kept from step to step.
-SHEAR_X, SHEAR_Y, SINKAGE, CONTACT = 0, 1, 2, 3
-STATE_COLUMNS = 4
+SHEAR_X, SHEAR_Y, SINKAGE, CONTACT, PUSHED = 0, 1, 2, 3, 4
+STATE_COLUMNS = 5
 # Columns of the result: force on the wheel in the world, where it acts, and what the recorder wants.
 FORCE, POINT, NORMAL, SLIP, SLIP_ANGLE, DEPTH, DRAWBAR, THRUST, SPEED = 0, 3, 6, 7, 8, 9, 10, 11, 12
 RESULT_COLUMNS = 13
@@ -39,8 +44,8 @@ RESULT_COLUMNS = 13
 ) = range(11)
 CONSTANTS = 11
 
-_ROLL_SPEED = 0.02  # m/s; below it rolling resistance fades to nothing, as a parked wheel has none
 _SLIP_SPEED = 0.02  # m/s; below it a slip ratio says nothing
+_BUILD_UP = 0.002  # m of travel over which the drag of the soil builds up
 _SHORTEST = 1e-4  # m of contact
 _SPIN_DAMPING = 0.4  # of the wheel's inertia a step; explicit damping above 1 would ring
 _CLEAR = 0.01  # m above its rut a wheel forgets it
@@ -48,6 +53,21 @@ _FORGET_S = 0.05
 _ONSET = 0.002  # m of penetration over which damping sets in
 _PROBE_SLIP = 0.05  # where the stiffness of the unloaded shear spring is taken
 _ENVELOPE = 0.5  # half length of the sampled ground, in wheel radii
+_SLIDING_SPEED = 0.02  # m/s over which friction of the belly builds up
+
+
+@njit(cache=True)
+def ground_height(heights: FloatArray, x0: float, y0: float, inverse_cell: float, x: float, y: float) -> float:
+    """Height (m) at world x, y on a grid of ``1 / inverse_cell`` m from (x0, y0); its edge goes on outside."""
+    rows, columns = heights.shape
+    u = min(max((x - x0) * inverse_cell, 0.0), columns - 1.000001)
+    v = min(max((y - y0) * inverse_cell, 0.0), rows - 1.000001)
+    i, j = int(u), int(v)
+    a, b = u - i, v - j
+    near = heights[j, i] + a * (heights[j, i + 1] - heights[j, i])
+    far = heights[j + 1, i] + a * (heights[j + 1, i + 1] - heights[j + 1, i])
+    height: float = near + b * (far - near)
+    return height
 
 
 @njit(cache=True)
@@ -158,6 +178,19 @@ def _shear(state: FloatArray, speeds: Triple, dt: float) -> tuple[float, float]:
 
 
 @njit(cache=True)
+def _drag(constants: FloatArray, state: FloatArray, resistance: float, vx: float, dt: float) -> float:
+    """Resistance (N) of the soil ahead of a wheel: builds up over a short way, against the way made by the hub.
+
+    So it only ever resists: a wheel that spins on the spot digs in and is not pushed back, and one at rest has none.
+    """
+    old = state[PUSHED]
+    state[PUSHED] = max(-_BUILD_UP, min(_BUILD_UP, old + dt * vx))
+    damping = constants[SHEAR_DAMPING] * sqrt(resistance / _BUILD_UP) * (state[PUSHED] - old) / dt
+    drag: float = max(-resistance, min(resistance, resistance * state[PUSHED] / _BUILD_UP + damping))
+    return drag
+
+
+@njit(cache=True)
 def _traction(
     table: FloatArray, constants: FloatArray, state: FloatArray, normal: float, speeds: Triple, dt: float
 ) -> Triple:
@@ -165,7 +198,6 @@ def _traction(
 
     ``speeds``: of the rim, of the hub forward and of the contact to the left (m/s).
     """
-    rim, vx, _ = speeds
     _sink(table, constants, state, normal, speeds, dt)
     rate_x, rate_y = _shear(state, speeds, dt)
     length, load_step = state[CONTACT], constants[LOAD_STEP]
@@ -176,12 +208,13 @@ def _traction(
     stretch = max(size / length, _PROBE_SLIP)
     spring = normal * max(steady(table, load_step, normal, stretch)[0] - thrust0, 0.0) / (stretch * length)
     damping = min(constants[SHEAR_DAMPING] * sqrt(spring), _SPIN_DAMPING * constants[SPIN_MASS] / dt)
-    rolling = max(-1.0, min(1.0, (rim if abs(rim) >= abs(vx) else vx) / _ROLL_SPEED))
-    force_x = gain * state[SHEAR_X] + damping * rate_x + rolling * normal * thrust0
+    drag = _drag(constants, state, normal * resistance, speeds[1], dt)
+    # A wheel that rolls freely is sheared forward a little; that part comes and goes with the drag, which outweighs it.
+    force_x = gain * state[SHEAR_X] + damping * rate_x + normal * thrust0 * state[PUSHED] / _BUILD_UP
     force_y = gain * state[SHEAR_Y] + damping * rate_y
     limit = constants[COHESION] * constants[WIDTH] * length + normal * constants[TAN_PHI]
     share = min(1.0, limit / max(sqrt(force_x * force_x + force_y * force_y), 1e-12))
-    return share * force_x, share * force_y, rolling * normal * resistance
+    return share * force_x, share * force_y, drag
 
 
 @njit(cache=True)
@@ -205,7 +238,7 @@ def wheel_forces(
     """Advance the soil under every wheel by ``dt`` and write the forces on the wheels.
 
     ``motion`` (n, 13): hub position, hub velocity, unit axle (left), carrier rate (all world), rotation rate of the
-    wheel about its axle. ``state`` (n, 4) is updated, ``result`` (n, 13) written; columns as named above.
+    wheel about its axle. ``state`` (n, 5) is updated, ``result`` (n, 13) written; columns as named above.
     """
     radius, shear_radius = constants[RADIUS], constants[SHEAR_RADIUS]
     spans = (_ENVELOPE * radius, 0.5 * constants[WIDTH])
@@ -225,7 +258,7 @@ def wheel_forces(
         if load > 0.0:
             thrust, side, drag = _traction(table, constants, own, load, (rim, vx, vy), dt)
         else:
-            own[SHEAR_X] = own[SHEAR_Y] = 0.0
+            own[SHEAR_X] = own[SHEAR_Y] = own[PUSHED] = 0.0
             if elastic < -_CLEAR:  # fresh soil next time
                 own[SINKAGE] *= exp(-dt / _FORGET_S)
         # Thrust acts at the shearing radius; the drag is the normal force that has moved ahead of the axle.
@@ -235,3 +268,105 @@ def wheel_forces(
             out[POINT + k] = hub[k] - shear_radius * spoke[k] + shift * ahead[k]
         out[NORMAL], out[DRAWBAR], out[THRUST], out[DEPTH] = load, thrust - drag, thrust, own[SINKAGE]
         out[SLIP], out[SLIP_ANGLE], out[SPEED] = _slip_ratio(rim, vx), atan2(vy, max(abs(vx), _SLIP_SPEED)), vx
+
+
+@njit(cache=True)
+def belly_wrench(
+    ground: FloatArray,
+    grid: tuple[float, float, float],
+    points: FloatArray,
+    body: FloatArray,
+    constants: FloatArray,
+    wrench: FloatArray,
+) -> int:
+    """Write force (N) and moment about the centre of mass (N m), world axes, into ``wrench`` (6,); points in contact.
+
+    ``points`` (n, 3) relative to the centre of mass in body axes; ``body`` (18,): its position, velocity, rate (world)
+    and the rotation body to world, row by row; ``constants``: stiffness N/m, damping N s/m, friction coefficient.
+    """
+    x0, y0, inverse = grid
+    stiffness, damping, friction = constants
+    wrench[:] = 0.0
+    touching = 0
+    for i in range(points.shape[0]):
+        px, py, pz = points[i]
+        rx = body[9] * px + body[10] * py + body[11] * pz
+        ry = body[12] * px + body[13] * py + body[14] * pz
+        rz = body[15] * px + body[16] * py + body[17] * pz
+        depth = ground_height(ground, x0, y0, inverse, body[0] + rx, body[1] + ry) - (body[2] + rz)
+        if depth <= 0.0:
+            continue
+        touching += 1
+        vx = body[3] + body[7] * rz - body[8] * ry
+        vy = body[4] + body[8] * rx - body[6] * rz
+        vz = body[5] + body[6] * ry - body[7] * rx
+        up = max(stiffness * depth - damping * min(depth / 0.005, 1.0) * vz, 0.0)
+        drag = friction * up / max(sqrt(vx * vx + vy * vy), _SLIDING_SPEED)
+        fx, fy = -drag * vx, -drag * vy
+        wrench[0] += fx
+        wrench[1] += fy
+        wrench[2] += up
+        wrench[3] += ry * up - rz * fy
+        wrench[4] += rz * fx - rx * up
+        wrench[5] += rx * fy - ry * fx
+    return touching
+
+
+@njit(cache=True)
+def body_motion(raw: FloatArray, body: FloatArray) -> None:
+    """Position, velocity, rate and rotation matrix (18,) from ``raw`` (13,): position, quaternion, velocity, rate."""
+    x, y, z, w = raw[3], raw[4], raw[5], raw[6]
+    body[0:3] = raw[0:3]
+    body[3:9] = raw[7:13]
+    body[9], body[10], body[11] = 1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)
+    body[12], body[13], body[14] = 2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)
+    body[15], body[16], body[17] = 2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)
+
+
+@njit(cache=True)
+def wheel_motion(body: FloatArray, hubs: FloatArray, joint_rate: FloatArray, motion: FloatArray) -> None:
+    """Motion (n, 13) of wheels on axles along body y; ``hubs`` (n, 3) relative to the centre of mass."""
+    wx, wy, wz = body[6], body[7], body[8]
+    ax, ay, az = body[10], body[13], body[16]
+    own = wx * ax + wy * ay + wz * az
+    for i in range(hubs.shape[0]):
+        px, py, pz = hubs[i]
+        rx = body[9] * px + body[10] * py + body[11] * pz
+        ry = body[12] * px + body[13] * py + body[14] * pz
+        rz = body[15] * px + body[16] * py + body[17] * pz
+        m = motion[i]
+        m[0], m[1], m[2] = body[0] + rx, body[1] + ry, body[2] + rz
+        m[3] = body[3] + wy * rz - wz * ry
+        m[4] = body[4] + wz * rx - wx * rz
+        m[5] = body[5] + wx * ry - wy * rx
+        m[6], m[7], m[8] = ax, ay, az
+        m[9], m[10], m[11] = wx, wy, wz
+        m[12] = joint_rate[i] + own
+
+
+@njit(cache=True)
+def ground_forces(
+    ground: FloatArray,
+    grid: tuple[float, float, float],
+    table: FloatArray,
+    wheel_constants: FloatArray,
+    belly_points: FloatArray,
+    belly_constants: FloatArray,
+    hubs: FloatArray,
+    raw: FloatArray,
+    body: FloatArray,
+    motion: FloatArray,
+    state: FloatArray,
+    result: FloatArray,
+    wrench: FloatArray,
+    dt: float,
+) -> int:
+    """All that the ground does to the rover in a step; points of the belly that touch.
+
+    ``raw`` (13 + n,): position, quaternion, velocity and rate of the chassis' centre of mass, then joint rates.
+    Writes ``body``, ``motion``, ``state``, ``result`` (see `soil_kernels`) and ``wrench`` (see `soil_kernels`).
+    """
+    body_motion(raw, body)
+    wheel_motion(body, hubs, raw[13:], motion)
+    wheel_forces(ground, grid, table, wheel_constants, motion, state, result, dt)
+    return belly_wrench(ground, grid, belly_points, body, belly_constants, wrench)
