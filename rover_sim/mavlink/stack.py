@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import ExitStack
 from pathlib import Path
 
 from rover_sim.autopilot.autopilot import Autopilot
@@ -12,7 +13,7 @@ from rover_sim.mavlink.geodesy import LocalFrame
 from rover_sim.mavlink.memory import memory_link
 from rover_sim.mavlink.streams import COMPANION_RATES, GROUND_STATION_RATES
 from rover_sim.mavlink.tlog import SIMULATED_EPOCH_S, TlogWriter
-from rover_sim.mavlink.transport import Transport, open_link
+from rover_sim.mavlink.transport import open_link
 from rover_sim.mavlink.vehicle import Vehicle
 from worlds.scenario import Origin
 from worlds.types import PoseEstimate, SensorReadings
@@ -35,8 +36,13 @@ class MavlinkStack:
         self.frame = LocalFrame(origin)
         inner, outer = memory_link()
         links = [Link(inner, COMPANION_RATES)]
-        links += [Link(transport, GROUND_STATION_RATES) for transport in _open(connect)]
-        log = None if tlog is None else Link(TlogWriter(tlog, epoch_s), GROUND_STATION_RATES)
+        with ExitStack() as undo:
+            for url in connect:
+                transport = open_link(url)
+                undo.callback(transport.close)
+                links.append(Link(transport, GROUND_STATION_RATES))
+            log = None if tlog is None else Link(TlogWriter(tlog, epoch_s), GROUND_STATION_RATES)
+            undo.pop_all()  # all are open: from here on `close` is responsible
         self.vehicle = Vehicle(autopilot, self.frame, links, log)
         self.companion = Companion(Link(outer, {}))
 
@@ -49,15 +55,3 @@ class MavlinkStack:
         """Close all links and finish the log."""
         self.companion.close()
         self.vehicle.close()
-
-
-def _open(urls: Sequence[str]) -> list[Transport]:
-    opened: list[Transport] = []
-    try:
-        for url in urls:
-            opened.append(open_link(url))  # noqa: PERF401  (what was opened must be known when the next one fails)
-    except BaseException:
-        for transport in opened:
-            transport.close()
-        raise
-    return opened
