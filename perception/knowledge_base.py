@@ -26,6 +26,7 @@ LIMITS: Limits = {
     "soil.bright_percentile": (0.0, 100.0),
     "soil.gradient_percentile": (0.0, 100.0),
     "soil.gradient_floor": (1e-3, 100.0),
+    "soil.trend_stiffness": (1e-6, 1e9),
     "cues.shade_compensation": (0.0, 1.0),
     "binarization.blur_px": (0.1, 20.0),
     "binarization.roughness_window_px": (1, 99),
@@ -54,6 +55,7 @@ class SoilKnowledge(_Table, frozen=True, kw_only=True):
     bright_percentile: float = 98.0
     gradient_percentile: float = 20.0
     gradient_floor: float = 0.2
+    trend_stiffness: float = 0.1  # of the surface through the soil's lightness, as a ridge; large: level
 
 
 class Cue(_Table, frozen=True, kw_only=True):
@@ -100,10 +102,11 @@ class Shadow(_Table, frozen=True, kw_only=True):
 
 
 class Sky(_Table, frozen=True, kw_only=True):
-    """Sky without a known attitude: a smooth region that reaches the top and is brighter than the lower half."""
+    """Sky without a known attitude: a smooth region that reaches the top, against the lower half of the picture."""
 
-    max_gradient: float = 0.6
-    brighter: float = 4.0
+    max_gradient: float = 1.5  # lightness per pixel
+    brighter: float = 4.0  # in lightness
+    less_red: float = 1.5  # in a*, where the picture has colour
     min_share: float = 0.01
 
 

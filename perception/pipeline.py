@@ -19,7 +19,7 @@ from perception.knowledge_base import Knowledge, load_knowledge
 from perception.rock_classifier import blob_features, rock_certainty
 from perception.rock_geometry import RockOutlines, outlines
 from perception.rock_placement import View, place_rocks
-from perception.soil_reference import sky_mask, soil_reference
+from perception.soil_reference import even_light, sky_mask, soil_reference
 from perception.terrain_class import classify, window_features
 from worlds.types import BoolArray, ByteArray, Frame, IntArray, Observation, PerceivedRock
 
@@ -76,7 +76,8 @@ def examine(image: ByteArray, knowledge: Knowledge, view: View | None = None) ->
     lab, soft_grey = smoothed(picture, knowledge.binarization.blur_px)
     grey = picture if picture.ndim == 2 else np.asarray(cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY), dtype=np.uint8)
     hidden = hidden_mask(grey, lab, view, scale, knowledge)
-    found = binarize(lab, soft_grey, soil_reference(lab, hidden, knowledge.soil), hidden, knowledge)
+    soil = soil_reference(lab, hidden, knowledge.soil)
+    found = binarize(even_light(lab, soil), soft_grey, soil, hidden, knowledge)
     blobs, certainty = classify_blobs(grey, found, knowledge)
     shape = outlines(blobs, knowledge.rock.round_ratio)
     mask = blobs.labels > 0
@@ -127,7 +128,7 @@ def hidden_mask(
     """Pixels (H, W) that show no ground near enough to judge: black, sky, or above the (dipped) horizon."""
     hidden = grey <= _BLACK
     if view is None:
-        return np.asarray(hidden | sky_mask(lab, know.sky))
+        return np.asarray(hidden | sky_mask(lab, hidden, know.sky))
     columns = (np.arange(hidden.shape[1], dtype=np.float64) + 0.5) * scale[0]
     dip = np.deg2rad(know.ground.horizon_dip_deg)
     rows = horizon_rows(view.camera, view.pose, view.plane, columns, float(dip)) / scale[1]

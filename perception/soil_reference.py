@@ -1,6 +1,7 @@
 """What the soil of one picture looks like: the reference that rock is judged against.
 
-Soil is where the picture is smooth and neither among the darkest nor the brightest; sky and rover are left out.
+Soil is where the picture is smooth and neither among the darkest nor the brightest; sky and rover are left out. A
+quadratic surface through its lightness takes out vignetting and light that falls off across the picture.
 """
 
 from __future__ import annotations
@@ -12,9 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from perception.knowledge_base import Sky, SoilKnowledge
-from worlds.types import BoolArray
+from worlds.types import BoolArray, FloatArray
 
 SingleArray = NDArray[np.float32]
+_TREND_ROUNDS = 3
 _GREY_SATURATION = 0.5  # mean |a*| + |b*| under which a picture carries no colour
 
 
@@ -24,6 +26,7 @@ class SoilReference:
 
     lab: SingleArray  # (3,) CIE L*, a*, b*
     gradient: float  # lightness per pixel
+    trend: SingleArray  # (6,) lightness over the median: coefficients of 1, x, y, x^2, x y, y^2, x and y in -1..1
     coloured: bool  # the picture has colour at all
 
 
@@ -42,7 +45,7 @@ def soil_reference(lab: SingleArray, hidden: BoolArray, know: SoilKnowledge) -> 
     seen = ~hidden[::2, ::2][: half.shape[0], : half.shape[1]]
     if not seen.any():
         seen = np.ones_like(seen)
-    lightness = np.ascontiguousarray(half[..., 0])
+    lightness = np.ascontiguousarray(half[..., 0], dtype=np.float32)
     box = (know.window_px, know.window_px)
     mean = cv2.blur(lightness, box)
     variance = np.maximum(cv2.blur(lightness * lightness, box) - mean * mean, 0.0)
@@ -50,27 +53,62 @@ def soil_reference(lab: SingleArray, hidden: BoolArray, know: SoilKnowledge) -> 
     soil = seen & (variance <= np.percentile(variance[seen], know.smooth_percentile))
     between = soil & (lightness > dark) & (lightness < bright)
     chosen = between if between.any() else soil
+    trend = _fit_trend(lightness, chosen, know.trend_stiffness)
     colour = np.median(half[chosen], axis=0).astype(np.float32)
     colour[0] = max(float(colour[0]), 1.0)  # black soil would make every ratio to it meaningless
     gradient = mean_gradient(lab[..., 0], know.window_px)[::2, ::2][: half.shape[0], : half.shape[1]][seen]
     coloured = bool(np.abs(half[..., 1:]).mean() > _GREY_SATURATION)
-    return SoilReference(
-        colour, float(np.percentile(gradient, know.gradient_percentile)) + know.gradient_floor, coloured
-    )
+    usual = float(np.percentile(gradient, know.gradient_percentile)) + know.gradient_floor
+    return SoilReference(colour, usual, trend, coloured)
 
 
-def sky_mask(lab: SingleArray, know: Sky) -> BoolArray:
-    """Sky (H, W) of a picture of unknown attitude: a smooth, bright region that reaches the top edge.
+def even_light(lab: SingleArray, soil: SoilReference) -> SingleArray:
+    """``lab`` (H, W, 3) with the trend of the soil's lightness taken out."""
+    x, y = _axes(lab.shape[1]), _axes(lab.shape[0])[:, None]
+    c = soil.trend
+    even = lab.copy()
+    even[..., 0] -= (c[0] + c[1] * x + c[3] * x * x) + (c[2] + c[5] * y + c[4] * x) * y
+    return even
 
-    Navcam tops and hazy far ridges that are darker than the ground are missed.
+
+def _axes(count: int) -> SingleArray:
+    """Pixel centres of a row or column from -1 to 1."""
+    return ((np.arange(count, dtype=np.float32) + 0.5) * (2.0 / count) - 1.0).astype(np.float32)
+
+
+def _fit_trend(lightness: SingleArray, soil: BoolArray, stiffness: float) -> SingleArray:
+    """Quadratic surface (6,) through the lightness of soil pixels, without outliers; a stiff one stays level."""
+    rows, columns = np.nonzero(soil)
+    x, y = _axes(soil.shape[1])[columns].astype(np.float64), _axes(soil.shape[0])[rows].astype(np.float64)
+    terms = np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=-1)
+    values = lightness[soil].astype(np.float64)
+    values -= float(np.median(values))
+    kept = np.ones(len(values), dtype=bool)
+    coefficients: FloatArray = np.zeros(6)
+    for _ in range(_TREND_ROUNDS):
+        ridge = stiffness * max(int(kept.sum()), 1) * np.diag([1e-6, 1.0, 1.0, 1.0, 1.0, 1.0])
+        coefficients = np.asarray(np.linalg.solve(terms[kept].T @ terms[kept] + ridge, terms[kept].T @ values[kept]))
+        rest = np.abs(values - terms @ coefficients)
+        kept = rest <= 3.0 * float(np.median(rest)) + 0.1
+    return coefficients.astype(np.float32)
+
+
+def sky_mask(lab: SingleArray, hidden: BoolArray, know: Sky) -> BoolArray:
+    """Sky (H, W) of a picture of unknown attitude: smooth, bright, less red than the ground, up to the top edge.
+
+    ``hidden`` (H, W) marks missing data, which may lie above the sky. Far ridges and a sky darker than the ground
+    are missed.
     """
+    ground = lab[lab.shape[0] // 2 :]
     lightness = lab[..., 0]
-    lower = float(np.median(lightness[lightness.shape[0] // 2 :]))
-    smooth = mean_gradient(lightness, 5) < know.max_gradient
-    candidate = (smooth & (lightness > lower + know.brighter)).view(np.uint8)
-    _, labels, stats, _ = cv2.connectedComponentsWithStats(candidate, connectivity=4)
+    candidate = (mean_gradient(lightness, 5) < know.max_gradient) & (
+        lightness > float(np.median(ground[..., 0])) + know.brighter
+    )
+    if np.abs(ground[..., 1:]).mean() > _GREY_SATURATION:
+        candidate &= lab[..., 1] < float(np.median(ground[..., 1])) - know.less_red
+    _, labels, stats, _ = cv2.connectedComponentsWithStats((candidate | hidden).view(np.uint8), connectivity=4)
     large = stats[:, cv2.CC_STAT_AREA] >= know.min_share * lightness.size
     large[0] = False
     top = np.zeros(len(stats), dtype=bool)
     top[np.unique(labels[0])] = True
-    return np.asarray((large & top)[labels])
+    return np.asarray((large & top)[labels] & candidate)
