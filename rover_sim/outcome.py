@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from enum import StrEnum
+
+import numpy as np
+
+from rover_sim.sim.vehicle_state import BodyContact, VehicleState
 
 
 class Reason(StrEnum):
@@ -15,6 +20,7 @@ class Reason(StrEnum):
     EMBEDDED = "embedded"
     COLLISION = "collision"
     NO_PATH = "no_path"
+    GOAL_MISSED = "goal_missed"  # the rover believed it had arrived and had not
     SLIP_STOP = "slip_stop"
     LINK_LOST = "link_lost"
     ABORTED = "aborted"
@@ -28,6 +34,7 @@ class Limits:
     tip_rad: float = 1.05  # 60 degrees: past the static tip-over angle of every shipped rover
     impact_m_s: float = 0.20  # closing speed at which a touch of the body counts as a crash
     pressing_s: float = 1.0  # the body leans on a rock for this long without a break
+    touch_gap_s: float = 0.5  # a touch of the same rock after such a pause is a new collision
     embedded_slip: float = 0.90
     embedded_s: float = 5.0  # all wheels spin for this long
 
@@ -57,3 +64,24 @@ def verdict(strain: Strain, limits: Limits, *, tilt_rad: float, impact_m_s: floa
     if strain.spinning_s > limits.embedded_s:
         return Reason.EMBEDDED
     return None
+
+
+@dataclass
+class Judge:
+    """Watches the true state of one traverse: counts collisions and says when it is over."""
+
+    limits: Limits = Limits()
+    strain: Strain = Strain()
+    collisions: int = 0
+    _touched_s: dict[int, float] = field(default_factory=dict)
+
+    def look(self, state: VehicleState, contacts: Sequence[BodyContact], step_s: float) -> Reason | None:
+        """The reason to end now, or None, from the state and the contacts of the hull in the last ``step_s``."""
+        for contact in contacts:
+            last_s = self._touched_s.get(contact.obstacle_id, -np.inf)
+            self.collisions += contact.time_s - last_s > self.limits.touch_gap_s
+            self._touched_s[contact.obstacle_id] = contact.time_s
+        slip = float(np.abs(state.slip).mean())
+        self.strain = advance_strain(self.strain, self.limits, touching=bool(contacts), mean_slip=slip, step_s=step_s)
+        impact = max((contact.impact_speed_m_s for contact in contacts), default=0.0)
+        return verdict(self.strain, self.limits, tilt_rad=state.tilt_rad, impact_m_s=impact)

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
-from worlds.types import FloatArray, IntArray, TerrainClass
+from perception.ttam import ttam
+from worlds.types import IntArray, TerrainClass
 
 WINDOW_PX = 20
 FAR_M = 15.0  # beyond it a 20 px window is an unresolved band near the horizon
@@ -62,6 +65,28 @@ def true_classes(ids: IntArray, depth_m: NDArray[np.float32]) -> NDArray[np.str_
     return letters
 
 
-def straight_line_m(start_w: FloatArray, goal_w: FloatArray) -> float:
-    """Horizontal distance from start to goal, the reference of path inefficiency."""
-    return float(np.linalg.norm(np.asarray(goal_w)[:2] - np.asarray(start_w)[:2]))
+def _resampled(buffer: NDArray[Any], size: tuple[int, int]) -> NDArray[Any]:
+    """The buffer's nearest pixels at another (rows, columns)."""
+    rows, columns = (
+        ((np.arange(count) + 0.5) * length / count).astype(int)
+        for count, length in zip(size, buffer.shape, strict=True)
+    )
+    return buffer if buffer.shape == size else buffer[np.ix_(rows, columns)]
+
+
+class ClassScore:
+    """TTAM over all pictures of a traverse."""
+
+    def __init__(self) -> None:
+        self._true: list[NDArray[np.str_]] = []
+        self._found: list[NDArray[np.str_]] = []
+
+    def add(self, ids: IntArray, depth_m: NDArray[np.float32], found: NDArray[np.str_]) -> None:
+        """Compare one picture's classes with the truth, seen at the size at which the classes were found."""
+        size = found.shape[0] * WINDOW_PX, found.shape[1] * WINDOW_PX
+        self._true.append(true_classes(_resampled(ids, size), _resampled(depth_m, size)))
+        self._found.append(found)
+
+    def ttam(self) -> float | None:
+        """TTAM in percent with U at weight 1; None without a picture."""
+        return ttam(np.stack(self._true), np.stack(self._found)) if self._true else None

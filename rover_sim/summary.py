@@ -23,6 +23,7 @@ class Counts:
     plans: int = 0
     missions_sent: int = 0
     waypoints_sent: int = 0
+    failsafe_stops: int = 0
 
 
 @dataclass(frozen=True)

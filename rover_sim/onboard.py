@@ -1,0 +1,178 @@
+"""The onboard computer: pictures and pose in, missions and commands out over MAVLink, as its own component."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from perception.pipeline import Knowledge, Perception, perceive
+from planner import navigator
+from planner.mobility import backing_path
+from planner.navigator import Decision, NavigatorState
+from rover_sim.autopilot.modes import Mode, Severity
+from rover_sim.mavlink.companion import Companion
+from rover_sim.mavlink.geodesy import LocalFrame
+from rover_sim.mavlink.plan_items import backing_items, mission_items
+from rover_sim.mavlink.uploader import Upload, UploadState
+from rover_sim.mavlink.wire import WireItem
+from worlds.types import FloatArray, Frame, PoseEstimate, Vector3
+
+CRUISE_M_S = 0.6
+RISK_SLOWING = 0.5  # share of the cruise speed that full risk takes
+STOPS_ALLOWED = 6  # fail-safe stops without getting on
+PROGRESS_M = 2.0  # that count as getting on
+
+
+@dataclass(frozen=True, eq=False)
+class Sight:
+    """One picture, what was seen in it and what was decided."""
+
+    frame: Frame
+    perception: Perception
+    decision: Decision
+
+
+@dataclass(eq=False)
+class Tally:
+    """What was done so far."""
+
+    frames: int = 0
+    plans: int = 0
+    missions_sent: int = 0
+    waypoints_sent: int = 0
+    failsafe_stops: int = 0
+
+
+class OnboardComputer:
+    """Decides at each picture, and sees to it at each tick that the vehicle does what was decided."""
+
+    def __init__(
+        self, companion: Companion, local: LocalFrame, home_w: Vector3, plan: NavigatorState, knowledge: Knowledge
+    ) -> None:
+        self.tally = Tally()
+        self.ways_w: list[FloatArray] = []  # of the drive missions sent
+        self.plan = plan
+        self.stop_text = ""  # of the last fail-safe stop
+        self._companion = companion
+        self._local = local
+        self._home_w = home_w
+        self._knowledge = knowledge
+        self._decision: Decision | None = None
+        self._upload: Upload | None = None
+        self._wanted_mode: Mode | None = None
+        self._confirmed = False  # the vehicle has been seen in the wanted mode
+        self._taken_over = False
+        self._stops_here = 0  # since the rover last got on
+        self._stop_place_w: FloatArray | None = None
+        self._texts_read_s = -1.0
+
+    @property
+    def doing(self) -> str:
+        """What the rover is about, in a word or two."""
+        if self._taken_over:
+            return "taken over"
+        return "waiting" if self._decision is None else self._decision.kind.replace("_", " ")
+
+    def look(self, frame: Frame, estimate: PoseEstimate, time_s: float) -> Sight:
+        """Perceive, decide, and send what is new."""
+        perception = perceive(frame, self._knowledge)
+        before = self._decision
+        self.plan, decision = navigator.step(self.plan, perception.observation, estimate, time_s)
+        self.tally.frames += 1
+        self.tally.plans += decision.kind != "drive" or decision.changed
+        self._decision = decision
+        if not self._taken_over and (before is None or self._upload_failed() or _is_new(before, decision)):
+            self._send(decision, estimate, time_s)
+        return Sight(frame, perception, decision)
+
+    def tick(self, estimate: PoseEstimate) -> None:
+        """After each round of the link: notice when the vehicle stopped by itself, or a person changed its mode."""
+        mode = self._companion.status.mode
+        if self._taken_over:
+            self._release(mode)
+        elif mode == self._wanted_mode:
+            self._confirmed = True
+        elif self._confirmed and mode is not None:
+            self._mode_lost(mode, estimate)
+
+    @property
+    def exhausted(self) -> bool:
+        """Whether fail-safes have stopped the rover too often without its getting on."""
+        return self._stops_here > STOPS_ALLOWED
+
+    def _send(self, decision: Decision, estimate: PoseEstimate, time_s: float) -> None:
+        if decision.kind == "drive":
+            self._send_way(decision, estimate, time_s)
+        elif decision.kind == "back_up":
+            place = backing_path(estimate, decision.distance_m)[-1]
+            here = float(estimate.pose.position_w[2])
+            self._drive(backing_items((*place, here), self._local, self._home_w), time_s)
+        elif decision.kind == "look":
+            self._upload = None
+            if not self._companion.status.armed:
+                self._companion.arm()
+            self._companion.turn_to(decision.heading_rad)
+            self._want(Mode.GUIDED)
+        else:
+            self._upload = None
+            self._companion.set_mode(Mode.HOLD)
+            self._want(Mode.HOLD)
+
+    def _send_way(self, decision: Decision, estimate: PoseEstimate, time_s: float) -> None:
+        """Upload the way; its first point is where the rover is, and no item of the mission."""
+        ahead = decision.waypoints_w[1:]
+        height = float(estimate.pose.position_w[2])
+        places = [(float(x), float(y), height) for x, y in ahead]
+        speed = CRUISE_M_S * (1.0 - RISK_SLOWING * decision.risk)
+        self._drive(mission_items(places, self._local, self._home_w, round(speed, 2)), time_s)
+        self.ways_w.append(np.asarray(decision.waypoints_w))
+        self.tally.waypoints_sent += len(places)
+
+    def _drive(self, items: list[WireItem], time_s: float) -> None:
+        self._upload = self._companion.drive(items, time_s)
+        self._want(Mode.AUTO)
+        self.tally.missions_sent += 1
+
+    def _want(self, mode: Mode) -> None:
+        self._wanted_mode, self._confirmed = mode, self._companion.status.mode == mode
+
+    def _upload_failed(self) -> bool:
+        return self._upload is not None and self._upload.state is UploadState.FAILED
+
+    def _mode_lost(self, mode: int, estimate: PoseEstimate) -> None:
+        """The vehicle left the wanted mode: with a grave text it was a fail-safe, without one a person."""
+        texts = self._companion.status.texts
+        fresh = [text for text in texts if text[0] > self._texts_read_s and text[1] <= Severity.ERROR]
+        if mode == Mode.HOLD and fresh:
+            self._texts_read_s, _, self.stop_text = fresh[-1]
+            self._note_stop(estimate)
+        else:
+            self._taken_over = True
+
+    def _release(self, mode: int | None) -> None:
+        """A person who sets the vehicle to Auto gives it back to the planner."""
+        if mode == Mode.AUTO:
+            self._taken_over, self._decision = False, None
+            self._want(Mode.AUTO)
+
+    def _note_stop(self, estimate: PoseEstimate) -> None:
+        """Avoid the place from now on; the next picture decides how to get away from it."""
+        place = np.asarray(estimate.pose.position_w[:2])
+        near = self._stop_place_w is not None and float(np.linalg.norm(place - self._stop_place_w)) < PROGRESS_M
+        self._stops_here = self._stops_here + 1 if near else 1
+        self.tally.failsafe_stops += 1
+        if not near:
+            self._stop_place_w = place
+        self.plan = navigator.note_trouble(self.plan, estimate)
+        self._decision, self._upload = None, None
+        self._want(Mode.HOLD)
+
+
+def _is_new(before: Decision, decision: Decision) -> bool:
+    """Whether the vehicle must be told: another kind, another way, another heading."""
+    if before.kind != decision.kind:
+        return True
+    if decision.kind == "drive":
+        return decision.changed
+    return (before.heading_rad, before.distance_m) != (decision.heading_rad, decision.distance_m)

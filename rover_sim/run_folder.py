@@ -1,0 +1,52 @@
+"""The folder that a traverse leaves: its files, each written whole or not at all."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rover_sim.files import write_json, write_text
+from rover_sim.report.run_map import MapData, save_run_map
+from rover_sim.sights import Sights
+from rover_sim.traverse import Traverse
+from worlds.scenario import dump_scenario
+from worlds.types import FloatArray
+
+TLOG, VIDEO = "telemetry.tlog", "camera.mp4"
+FILES = (
+    "map.png",
+    "camera.png",
+    "summary.json",
+    "trace.npz",
+    "mission.waypoints",
+    "mission.plan",
+    TLOG,
+    "scenario.toml",
+)
+
+
+def clear(folder: Path) -> None:
+    """Remove what an earlier run left, so that no file of it is taken for the new one's."""
+    for name in (*FILES, VIDEO):
+        (folder / name).unlink(missing_ok=True)
+
+
+def write(folder: Path, traverse: Traverse, sights: Sights, summary: dict[str, Any]) -> None:
+    """Write all but log and video, which were written as they came; the summary first, as it matters most."""
+    write_json(folder / "summary.json", summary)
+    write_text(folder / "scenario.toml", dump_scenario(traverse.world.scenario))
+    traverse.recorder.save(folder / "trace.npz")
+    traverse.save_mission(folder / "mission.waypoints", folder / "mission.plan")
+    sights.save(folder / "camera.png")
+    title = f"{summary['scenario']}, seed {summary['seed']}: {summary['reason']} after {summary['distance_m']:.1f} m"
+    data = MapData(traverse.recorder.arrays(), traverse.onboard.ways_w, _perceived(traverse), title)
+    save_run_map(folder / "map.png", traverse.world, data)
+
+
+def _perceived(traverse: Traverse) -> FloatArray:
+    """Remembered rocks (M, 3): x, y, diameter."""
+    rocks = traverse.onboard.plan.memory.rocks
+    diameter = np.sqrt(rocks.length_m * rocks.width_m)
+    return np.column_stack([rocks.centre_w, diameter]).reshape(-1, 3)

@@ -1,0 +1,239 @@
+"""One closed-loop traverse: the composition of world, rover, camera, perception, planner and link."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+
+from perception.pipeline import load_knowledge
+from planner import localization, navigator
+from planner.localization import SensorModel
+from rover_sim.autopilot.autopilot import Autopilot
+from rover_sim.mavlink.mission_file import write_plan, write_waypoints
+from rover_sim.mavlink.stack import MavlinkStack
+from rover_sim.onboard import OnboardComputer, Sight
+from rover_sim.outcome import Judge, Reason
+from rover_sim.pacing import WallClock
+from rover_sim.scoring import ClassScore
+from rover_sim.sim.recorder import TraceRecorder
+from rover_sim.sim.renderer import add_noise, make_renderer
+from rover_sim.sim.rover import RoverModel
+from rover_sim.sim.simulation import Simulation
+from rover_sim.sim.vehicle_state import VehicleState
+from rover_sim.summary import Counts, Identity, summarize
+from worlds.geometry import camera_pose
+from worlds.types import Frame, World
+
+STEPS_PER_S = 240
+CONTROL_STEPS = 5  # sensors, estimate, autopilot and link at 48 Hz
+TRACE_STEPS = 10  # trace and judge at 24 Hz
+LINK_GRACE_S = 5.0  # the first heartbeats need not have come before
+SENSOR_STREAM, CAMERA_STREAM = 101, 102  # of the seed
+
+
+@dataclass(frozen=True)
+class RunOptions:
+    """What the user chose beside the scenario."""
+
+    connect: tuple[str, ...] = ()
+    realtime: bool = False
+
+
+@dataclass(frozen=True)
+class Status:
+    """What a progress display needs."""
+
+    time_s: float
+    goal_distance_m: float
+    share_done: float
+    slip: float
+    doing: str
+
+
+class Traverse:
+    """A rover in its world, ready to drive; a context manager, as it holds links and a physics client."""
+
+    def __init__(self, world: World, rover: RoverModel, options: RunOptions, tlog: Path | None = None) -> None:
+        scenario = world.scenario
+        self.world, self._options = world, options
+        self._footprint = rover.footprint()
+        self._camera = rover.camera(scenario.camera)
+        self._sensor_model = SensorModel(gravity_m_s2=scenario.gravity_m_s2)
+        self._camera_rng = np.random.default_rng([world.seed, CAMERA_STREAM])
+        self.recorder, self._judge, self._classes = TraceRecorder(), Judge(), ClassScore()
+        home = (*scenario.rover.start_m, float(world.start.position_w[2]))
+        self._autopilot = Autopilot(self._footprint, home)
+        self._stack = MavlinkStack(scenario.origin, self._autopilot, options.connect, tlog)
+        try:
+            self._renderer = make_renderer(world)
+            self._simulation = Simulation(world, rover, np.random.default_rng([world.seed, SENSOR_STREAM]))
+        except BaseException:
+            self._stack.close()
+            raise
+        goal = scenario.goal
+        plan = navigator.begin(goal.position_m, goal.radius_m, self._footprint, scenario.rover.start_m)
+        knowledge = load_knowledge("rendered")
+        self.onboard = OnboardComputer(self._stack.companion, self._stack.frame, home, plan, knowledge)
+        self._locate_start(home)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._simulation.close()
+        self._stack.close()
+
+    def run(
+        self,
+        show: Callable[[Status], None] = lambda _: None,
+        stopped: Callable[[], bool] = lambda: False,
+        on_sight: Callable[[Sight], None] = lambda _: None,
+    ) -> dict[str, Any]:
+        """Drive until the traverse ends and return its summary; ``stopped`` is asked at each picture."""
+        clock = WallClock()
+        camera_steps = max(1, round(STEPS_PER_S / self.world.scenario.camera.rate_hz))
+        step, ended = 0, None
+        while ended is None:
+            if step % CONTROL_STEPS == 0:
+                self._control()
+            if step % TRACE_STEPS == 0:
+                ended = self._observe()
+            if step % camera_steps == 0:
+                on_sight(self._look())
+                show(self._status())
+                ended = (Reason.ABORTED, "interrupted") if stopped() else ended
+            self._simulation.step(self._wheel_speeds)
+            step += 1
+            if self._options.realtime and step % CONTROL_STEPS == 0:
+                clock.wait_until(step / STEPS_PER_S)
+        return self.summary(*ended, wall_time_s=clock.elapsed_s())
+
+    def summary(self, reason: Reason, detail: str, *, wall_time_s: float) -> dict[str, Any]:
+        """The summary of what was driven so far."""
+        scenario, sent = self.world.scenario, asdict(self.onboard.tally)
+        return summarize(
+            self.recorder.arrays(),
+            Identity(
+                scenario=scenario.name,
+                seed=self.world.seed,
+                start_w=scenario.rover.start_m,
+                goal_w=scenario.goal.position_m,
+                wheel_radius_m=self._footprint.wheel_radius_m,
+            ),
+            Counts(collisions=self._judge.collisions, **sent),
+            reason,
+            wall_time_s=wall_time_s,
+            ttam=self._classes.ttam(),
+            detail=detail,
+        )
+
+    def save_mission(self, waypoints: Path, plan: Path) -> None:
+        """Write the mission that the vehicle holds, in both of QGroundControl's formats."""
+        items = list(self._stack.vehicle.store.items)
+        write_waypoints(waypoints, items)
+        write_plan(plan, items, self._autopilot.parameters["CRUISE_SPEED"])
+
+    def _locate_start(self, home_w: tuple[float, float, float]) -> None:
+        """The rover starts on a surveyed point, at rest."""
+        readings = self._simulation.read_sensors()
+        place = (home_w[0], home_w[1], home_w[2] + self._footprint.wheel_radius_m)
+        self._located = localization.start(readings, place, model=self._sensor_model)
+        self._estimate = localization.estimate(self._located)
+        self._wheel_speeds: tuple[float, ...] = (0.0,) * len(readings.wheel_speed_rad_s)
+
+    def _control(self) -> None:
+        """Sensors, estimate, autopilot, link."""
+        time_s = self._simulation.time_s
+        readings = self._simulation.read_sensors()
+        self._located = localization.localize(self._located, readings, self._footprint, self._sensor_model)
+        self._estimate = localization.estimate(self._located)
+        self._wheel_speeds = self._autopilot.update(time_s, self._estimate, readings)
+        self._stack.tick(time_s, self._estimate, readings)
+        self.onboard.tick(self._estimate)
+
+    def _look(self) -> Sight:
+        """A picture from where the camera truly is, judged from where the rover believes it to be."""
+        time_s, camera = self._simulation.time_s, self._camera
+        rendered = self._renderer.render(camera, camera_pose(self._simulation.state.pose, camera))
+        frame = Frame(
+            time_s=time_s,
+            image=add_noise(rendered.image, self.world.scenario.camera.noise, self._camera_rng),
+            camera=camera,
+            camera_pose=camera_pose(self._estimate.pose, camera),
+            ground=localization.ground_plane(self._located, self._footprint.wheel_radius_m),
+        )
+        sight = self.onboard.look(frame, self._estimate, time_s)
+        self._classes.add(rendered.ids, rendered.depth_m, sight.perception.classes)
+        return sight
+
+    def _observe(self) -> tuple[Reason, str] | None:
+        """Record the true state and judge it."""
+        state = self._simulation.state
+        self._record(state)
+        contacts = self._simulation.take_contacts()
+        reason = self._judge.look(state, contacts, TRACE_STEPS / STEPS_PER_S)
+        if reason is not None:
+            touched = f"touched obstacle {contacts[0].obstacle_id}" if contacts else ""
+            return reason, touched
+        if state.off_map:
+            return Reason.ERROR, "the rover left the map"
+        return self._declared_end(state)
+
+    def _declared_end(self, state: VehicleState) -> tuple[Reason, str] | None:
+        """The end that the rover itself has declared, or that link or time have."""
+        goal, end = self.world.scenario.goal, self.onboard.plan.end
+        if end is not None and end.kind == "no_path":
+            return Reason.NO_PATH, end.reason
+        if end is not None:
+            near = self._goal_distance(state) <= goal.radius_m
+            return (Reason.GOAL if near else Reason.GOAL_MISSED), end.reason
+        if self.onboard.exhausted:
+            return Reason.SLIP_STOP, self.onboard.stop_text
+        if state.time_s > LINK_GRACE_S and not self._stack.companion.linked:
+            return Reason.LINK_LOST, "the companion no longer hears the vehicle"
+        if state.time_s >= goal.time_limit_s:
+            return Reason.TIMEOUT, f"goal.time_limit_s = {goal.time_limit_s:g} is over"
+        return None
+
+    def _record(self, state: VehicleState) -> None:
+        motion, status = self._autopilot.motion, self._stack.companion.status
+        self.recorder.add(
+            time_s=state.time_s,
+            position_w=state.pose.position_w,
+            quaternion_w=state.pose.quaternion_w,
+            velocity_w=state.linear_velocity_w,
+            angular_velocity_w=state.angular_velocity_w,
+            wheel_speed=state.wheel_speed_rad_s,
+            slip=state.slip,
+            slip_angle=state.slip_angle_rad,
+            sinkage=state.sinkage_m,
+            normal_force=state.normal_force_N,
+            drawbar=state.drawbar_N,
+            wheel_torque=state.wheel_torque_Nm,
+            power_W=state.power_W,
+            energy_J=state.energy_J,
+            stability_margin=state.stability_margin,
+            belly_contact=state.belly_contact,
+            command=(motion.linear_m_s, motion.yaw_rate_rad_s),
+            wheel_command=self._wheel_speeds,
+            estimate_position_w=self._estimate.pose.position_w,
+            estimate_quaternion_w=self._estimate.pose.quaternion_w,
+            estimate_position_sd=self._estimate.position_sd_m,
+            mode=-1 if status.mode is None else status.mode,
+            mission_current=-1 if status.current is None else status.current,
+        )
+
+    def _goal_distance(self, state: VehicleState) -> float:
+        return float(np.hypot(*(state.pose.position_w[:2] - np.asarray(self.world.scenario.goal.position_m))))
+
+    def _status(self) -> Status:
+        state = self._simulation.state
+        scenario = self.world.scenario
+        whole = float(np.hypot(*np.subtract(scenario.goal.position_m, scenario.rover.start_m)))
+        left = self._goal_distance(state)
+        slip = float(np.abs(state.slip).mean())
+        return Status(state.time_s, left, max(0.0, 1.0 - left / max(whole, 1e-9)), slip, self.onboard.doing)
