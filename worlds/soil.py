@@ -67,9 +67,9 @@ _TABLE = (
     # Calibrated, for a grousered wheel, to the slip-slope band of firm natural ground (Cuadriga field data).
     _row(
         "firm",
-        (0.0, 6.2e6),
+        (0.0, 2.5e7),
         (1.5, 0.0),
-        (0.2, 25.5, 0.5),
+        (0.2, 25.2, 0.37),
         "ours: stiff natural ground, slip-slope points of the Cuadriga data",
         "cohesive_modulus",
         "frictional_modulus",

@@ -285,11 +285,12 @@ def belly_wrench(
     and the rotation body to world, row by row; ``constants``: stiffness N/m, damping N s/m, friction coefficient.
     """
     x0, y0, inverse = grid
-    stiffness, damping, friction = constants
-    wrench[:] = 0.0
+    stiffness, damping, friction = constants[0], constants[1], constants[2]
+    for k in range(6):
+        wrench[k] = 0.0
     touching = 0
     for i in range(points.shape[0]):
-        px, py, pz = points[i]
+        px, py, pz = points[i, 0], points[i, 1], points[i, 2]
         rx = body[9] * px + body[10] * py + body[11] * pz
         ry = body[12] * px + body[13] * py + body[14] * pz
         rz = body[15] * px + body[16] * py + body[17] * pz
@@ -316,21 +317,21 @@ def belly_wrench(
 def body_motion(raw: FloatArray, body: FloatArray) -> None:
     """Position, velocity, rate and rotation matrix (18,) from ``raw`` (13,): position, quaternion, velocity, rate."""
     x, y, z, w = raw[3], raw[4], raw[5], raw[6]
-    body[0:3] = raw[0:3]
-    body[3:9] = raw[7:13]
+    for k in range(3):  # a slice assignment would take numba two seconds to compile
+        body[k], body[3 + k], body[6 + k] = raw[k], raw[7 + k], raw[10 + k]
     body[9], body[10], body[11] = 1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)
     body[12], body[13], body[14] = 2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)
     body[15], body[16], body[17] = 2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)
 
 
 @njit(cache=True)
-def wheel_motion(body: FloatArray, hubs: FloatArray, joint_rate: FloatArray, motion: FloatArray) -> None:
+def wheel_motion(body: FloatArray, hubs: FloatArray, raw: FloatArray, motion: FloatArray) -> None:
     """Motion (n, 13) of wheels on axles along body y; ``hubs`` (n, 3) relative to the centre of mass."""
     wx, wy, wz = body[6], body[7], body[8]
     ax, ay, az = body[10], body[13], body[16]
     own = wx * ax + wy * ay + wz * az
     for i in range(hubs.shape[0]):
-        px, py, pz = hubs[i]
+        px, py, pz = hubs[i, 0], hubs[i, 1], hubs[i, 2]
         rx = body[9] * px + body[10] * py + body[11] * pz
         ry = body[12] * px + body[13] * py + body[14] * pz
         rz = body[15] * px + body[16] * py + body[17] * pz
@@ -341,7 +342,7 @@ def wheel_motion(body: FloatArray, hubs: FloatArray, joint_rate: FloatArray, mot
         m[5] = body[5] + wx * ry - wy * rx
         m[6], m[7], m[8] = ax, ay, az
         m[9], m[10], m[11] = wx, wy, wz
-        m[12] = joint_rate[i] + own
+        m[12] = raw[13 + i] + own
 
 
 @njit(cache=True)
@@ -367,6 +368,6 @@ def ground_forces(
     Writes ``body``, ``motion``, ``state``, ``result`` (see `soil_kernels`) and ``wrench`` (see `soil_kernels`).
     """
     body_motion(raw, body)
-    wheel_motion(body, hubs, raw[13:], motion)
+    wheel_motion(body, hubs, raw, motion)
     wheel_forces(ground, grid, table, wheel_constants, motion, state, result, dt)
     return belly_wrench(ground, grid, belly_points, body, belly_constants, wrench)

@@ -63,7 +63,8 @@ class WheelTable:
 @njit(cache=True)
 def _integrals(entry: float, slip: float, p: FloatArray, count: int) -> tuple[float, float, float, float]:
     """Load, thrust, resistance and torque (N, N, N, N m) for an entry angle; trapezoid of ``count`` points."""
-    stiffness, exponent0, exponent1, cohesion, tan_phi, shear_modulus, a0, a1, radius, width, shear_radius = p
+    stiffness, exponent0, exponent1, cohesion, tan_phi, shear_modulus = p[0], p[1], p[2], p[3], p[4], p[5]
+    a0, a1, radius, width, shear_radius = p[6], p[7], p[8], p[9], p[10]
     exponent = exponent0 + exponent1 * slip
     peak = min((a0 + a1 * slip) * entry, entry)
     cos_entry, sin_entry = cos(entry), sin(entry)
@@ -75,7 +76,7 @@ def _integrals(entry: float, slip: float, p: FloatArray, count: int) -> tuple[fl
         sigma = stiffness * depth**exponent
         j = max(shear_radius * ((entry - angle) - (1.0 - slip) * (sin_entry - sin(angle))), 0.0)
         tau = (cohesion + sigma * tan_phi) * (1.0 - exp(-j / shear_modulus))
-        weight = 0.5 if i in {0, count - 1} else 1.0
+        weight = 0.5 if i * (count - 1 - i) == 0 else 1.0
         load += weight * (sigma * cos(angle) + tau * sin(angle))
         thrust += weight * tau * cos(angle)
         resistance += weight * sigma * sin(angle)
