@@ -16,6 +16,7 @@ from planner.terrain_map import MemoryModel, TerrainMemory, empty_memory, rememb
 from worlds.geometry import euler_from_quaternion, rotation_from_quaternion
 from worlds.types import FloatArray, Footprint, Observation, PoseEstimate
 
+LEAST_WAY_M = 0.3  # a shorter way ends where the rover stands, as path following sees it
 Kind = Literal["drive", "look", "back_up", "arrived", "no_path"]
 
 
@@ -116,7 +117,7 @@ def step(
     state = replace(state, manoeuvre=None)
     table = _table(state)
     choice = choose(state.memory, table, place, state.models, detour=state.detour)
-    if choice.way is not None:
+    if choice.way is not None and choice.way.length_m > LEAST_WAY_M:
         return _drive(state, choice, table, place)
     return _recover(state, choice, table, place, time_s)
 
@@ -193,10 +194,10 @@ def _still_good(
     """Whether the rest (N, 2) of the present way is free, long enough and not much worse than the fresh one."""
     model, models = state.model, state.models
     length = float(np.linalg.norm(np.diff(rest, axis=0), axis=1).sum())
-    to_goal = float(np.linalg.norm(rest[-1] - np.asarray(state.goal_w)))
-    if float(np.linalg.norm(rest[0] - rest[1])) > 0 and np.linalg.norm(rest[0] - place.position_w) > model.off_way_m:
+    to_goal = [float(np.hypot(*(way[-1] - state.goal_w))) for way in (rest, fresh.waypoints_w)]
+    if np.hypot(*(rest[0] - place.position_w)) > model.off_way_m:
         return False
-    if length < model.extend_below_m and to_goal > 0.5 * state.goal_radius_m:
+    if length < model.extend_below_m and to_goal[0] > to_goal[1] + 0.05:
         return False
     need = models.drive.need_m(models.footprint, squeeze=choice.squeeze) - model.wobble_m
     if segment_clearance(table, rest).min(initial=np.inf) < need:

@@ -87,13 +87,16 @@ def remember(
     """The memory after one observation made from ``viewpoint_w`` (2,), the place of the rover."""
     model = model or MemoryModel()
     views = _views(observation, viewpoint_w, model)
-    rocks = memory.rocks
+    apart = np.linalg.norm(memory.rocks.centre_w - viewpoint_w, axis=1)
+    reach = 2.0 + max((rock.range_m for rock in observation.rocks), default=model.sure_range_m[1])
+    rocks, beyond = memory.rocks.select(apart <= reach), memory.rocks.select(apart > reach)
     match, fresh = _associate(rocks, views, model)
-    updated = _fuse(rocks, views, match, model)
-    updated = _doubt(updated, match, observation, viewpoint_w, model)
-    merged = _join(updated, views.select(fresh))
-    kept = merged.select(merged.log_odds > model.drop_below)
-    return TerrainMemory(_cap(_unite(kept), viewpoint_w, model), note_view(memory.cells, observation, viewpoint_w))
+    updated = _doubt(_fuse(rocks, views, match, model), match, observation, viewpoint_w, model)
+    joined = _join(updated, views.select(fresh))
+    kept = _unite(joined.select(joined.log_odds > model.drop_below))
+    return TerrainMemory(
+        _cap(_join(kept, beyond), viewpoint_w, model), note_view(memory.cells, observation, viewpoint_w)
+    )
 
 
 def _views(observation: Observation, viewpoint_w: FloatArray, model: MemoryModel) -> RockMemory:
@@ -202,15 +205,19 @@ def _doubt(
 
 
 def _unite(rocks: RockMemory) -> RockMemory:
-    """Rocks whose centres lie well inside one another are one: the one seen better stays."""
+    """Rocks that lie inside larger and no lower ones are dropped: two views of one, or of no importance."""
     if len(rocks) < 2:
         return rocks
-    order = np.argsort(-rocks.weight, kind="stable")
-    sorted_rocks = rocks.select(order)
-    offset = sorted_rocks.centre_w[:, None] - sorted_rocks.centre_w[None]
-    reach = 0.25 * (sorted_rocks.width_m[:, None] + sorted_rocks.width_m[None])
-    inside = np.tril((offset**2).sum(axis=2) < reach**2, k=-1)
-    return sorted_rocks.select(~inside.any(axis=1))
+    ordered = rocks.select(np.argsort(-rocks.width_m, kind="stable"))
+    x, y = ordered.centre_w.T
+    # Only pairs whose larger rock spans the distance along x need a closer look.
+    first, second = np.nonzero(np.abs(x[:, None] - x[None]) < 0.6 * ordered.width_m[None] + 0.03)
+    distance = np.hypot(x[first] - x[second], y[first] - y[second])
+    inside = distance + 0.5 * ordered.length_m[first] < 0.5 * 1.15 * ordered.width_m[second] + 0.03
+    inside &= (ordered.height_m[first] <= 1.2 * ordered.height_m[second]) & (second < first)
+    lost = np.zeros(len(ordered), dtype=bool)
+    lost[first[inside]] = True
+    return ordered.select(~lost)
 
 
 def _cap(rocks: RockMemory, viewpoint_w: FloatArray, model: MemoryModel) -> RockMemory:

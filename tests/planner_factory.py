@@ -51,6 +51,11 @@ class DiscWorld:
         table = np.array(discs).reshape(-1, 3)
         return DiscWorld(table[:, :2], table[:, 2], np.full(len(table), height_m))
 
+    def near(self, place: FloatArray, range_m: float) -> DiscWorld:
+        """The discs around a place."""
+        kept = np.hypot(*(self.centre - place).T) < range_m
+        return DiscWorld(self.centre[kept], self.radius[kept], self.height[kept])
+
 
 def rock_field(cfa: float, length_m: float, rng: np.random.Generator, half_width_m: float = 10.0) -> DiscWorld:
     """Rocks of 0.1 to 1.2 m by the size-frequency law of Golombek and Rapp (1997), none near start and goal."""
@@ -71,6 +76,7 @@ def look(
     world: DiscWorld, state: FloatArray, time_s: float, rng: np.random.Generator | None, range_m: float = 8.0
 ) -> Observation:
     """What an ideal (``rng`` None) or a noisy camera of 74 deg sees from 1.1 to 8 m, occlusion included."""
+    world = world.near(state[:2], range_m + 1.0)
     offset = world.centre - state[:2]
     distance = np.hypot(*offset.T)
     bearing = np.angle(np.exp(1j * (np.arctan2(offset[:, 1], offset[:, 0]) - state[2])))
@@ -123,6 +129,7 @@ def _hidden(world: DiscWorld, distance: FloatArray, bearing: FloatArray) -> Bool
 
 def collides(world: DiscWorld, state: FloatArray, height_m: float = 0.10) -> bool:
     """Whether the rover's outline meets a rock higher than ``height_m``."""
+    world = world.near(state[:2], 1.5)
     offset = world.centre[world.height > height_m] - state[:2]
     sin, cos = np.sin(state[2]), np.cos(state[2])
     x, y = offset[:, 0] * cos + offset[:, 1] * sin, offset[:, 1] * cos - offset[:, 0] * sin

@@ -25,6 +25,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cache
 from typing import Any, Literal, TypeGuard
 
 import numpy as np
@@ -117,15 +118,22 @@ def term_strengths(base: RuleBase, inputs: Mapping[str, FloatArray]) -> FloatArr
 def evaluate(base: RuleBase, inputs: Mapping[str, FloatArray]) -> FloatArray:
     """Centroid of the combined output set, (N,) in the output's units; NaN where no rule fires at all."""
     strengths = term_strengths(base, inputs)
-    grid = np.linspace(base.output.low, base.output.high, GRID_POINTS)
+    grid, terms = _output_shapes(base.output)
     shape = np.minimum if base.norm == "minimum" else np.multiply
     combined = np.zeros((strengths.shape[0], GRID_POINTS))
-    for index, (_, corners) in enumerate(base.output.terms):
-        np.maximum(combined, shape(strengths[:, index, None], membership(corners, grid)), out=combined)
+    for index, term in enumerate(terms):
+        np.maximum(combined, shape(strengths[:, index, None], term), out=combined)
     area = combined.sum(axis=1)
     answer: FloatArray = np.full_like(area, np.nan)
     np.divide(combined @ grid, area, out=answer, where=area > 0)
     return answer
+
+
+@cache
+def _output_shapes(output: Variable) -> tuple[FloatArray, FloatArray]:
+    """The output axis (G,) and each term on it (terms, G)."""
+    grid = np.linspace(output.low, output.high, GRID_POINTS)
+    return grid, np.stack([membership(corners, grid) for _, corners in output.terms])
 
 
 def rule_base(table: Mapping[str, Any], source: str) -> RuleBase:
