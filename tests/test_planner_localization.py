@@ -112,7 +112,7 @@ def test_a_known_ramp_becomes_the_plane_after_some_metres() -> None:
     rng = np.random.default_rng(3)
     truth, pitch = np.zeros(3), -0.15  # uphill
     state = loc.start(readings(0.0, truth, (0.0, 0.0), rng), (0.0, 0.0, 0.2))
-    for tick in range(1, 400):
+    for tick in range(1, 1200):
         truth = truth + np.array([0.0125, 0.0, 0.0])
         state = loc.localize(
             state, readings(tick / 40, truth, (0.5, 0.0), rng, tilt=(0.0, pitch), gnss=False), FOOTPRINT
