@@ -41,7 +41,6 @@ def binarize(lab: SingleArray, grey: ByteArray, soil: SoilReference, hidden: Boo
     how = know.binarization
     score = rock_score(lab, soil, know.cues, how.roughness_window_px)
     score[hidden] = 0.0
-    score[shadow_mask(lab, soil, know)] = 0.0
     rock = score > threshold_map(score, how, 20)
     return Binarized(score, clean(close_edges(rock, score, grey, how), how))
 
@@ -52,26 +51,6 @@ def rock_score(lab: SingleArray, soil: SoilReference, cues: RockCues, window_px:
     roughness *= np.float32(1.0 / soil.gradient)
     tables = evidence_tables(cues, coloured=soil.coloured)
     return np.asarray(_score_kernel(lab, roughness, soil.lab, cues.shade_compensation, tables))
-
-
-def shadow_mask(lab: SingleArray, soil: SoilReference, know: Knowledge) -> BoolArray:
-    """Pixels (H, W) that look like the soil in cast shadow: dark, about the soil's hue, and smooth."""
-    rule = know.shadow
-    lightness = lab[..., 0]
-    dark = lightness < rule.lightness_ratio * soil.lab[0]
-    if not dark.any():
-        return np.zeros(dark.shape, dtype=bool)
-    # Soil lit less keeps its chromaticity; Lab then scales a* and b* about as it scales L*.
-    ratio = lightness / np.float32(soil.lab[0])
-    mean = cv2.blur(lightness, (3, 3))
-    spread = np.sqrt(np.maximum(cv2.blur(lightness * lightness, (3, 3)) - mean * mean, 0.0))
-    smooth = spread <= rule.max_texture * np.maximum(mean, 1.0)
-    if not soil.coloured:
-        return np.asarray(dark & smooth)
-    red, blue = lab[..., 1] - ratio * soil.lab[1], lab[..., 2] - ratio * soil.lab[2]
-    hue = (red >= rule.red_shift[0]) & (red <= rule.red_shift[1])
-    hue &= (blue >= rule.blue_shift[0]) & (blue <= rule.blue_shift[1])
-    return np.asarray(dark & smooth & hue)
 
 
 def threshold_map(score: SingleArray, how: Binarization, window_px: int) -> SingleArray:

@@ -92,15 +92,6 @@ class Binarization(_Table, frozen=True, kw_only=True):
     min_area_px: int = 80
 
 
-class Shadow(_Table, frozen=True, kw_only=True):
-    """Cast shadow: dark soil. Below ``lightness_ratio`` of its lightness, of its hue, and smooth."""
-
-    lightness_ratio: float  # of the soil's lightness; 0 switches the rule off
-    blue_shift: tuple[float, float]  # allowed b* minus the b* of soil darkened by the same ratio
-    red_shift: tuple[float, float]  # the same for a*
-    max_texture: float  # 3x3 standard deviation of lightness over its mean
-
-
 class Sky(_Table, frozen=True, kw_only=True):
     """Sky without a known attitude: a smooth region that reaches the top, against the lower half of the picture."""
 
@@ -135,7 +126,6 @@ class _File(_Table, frozen=True, kw_only=True):
     soil: SoilKnowledge
     cues: RockCues
     binarization: Binarization
-    shadow: Shadow
     sky: Sky
     ground: GroundKnowledge
     rock: RockKnowledge
@@ -149,7 +139,6 @@ class Knowledge:
     soil: SoilKnowledge
     cues: RockCues
     binarization: Binarization
-    shadow: Shadow
     sky: Sky
     ground: GroundKnowledge
     rock: RockKnowledge

@@ -1,0 +1,87 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from perception.camera import project
+from perception.knowledge_base import GroundKnowledge
+from perception.rock_geometry import RockOutlines
+from perception.rock_placement import View, depth_and_height, place_rocks
+from worlds.geometry import camera_pose, quaternion_from_euler
+from worlds.types import CameraModel, FloatArray, GroundPlane, PerceivedRock, Pose
+
+CAMERA = CameraModel(320, 240, 207.8, (0.0, 0.0, 1.1), float(np.deg2rad(25.0)))
+LEVEL = GroundPlane(np.zeros(3), np.array([0.0, 0.0, 1.0]))
+
+
+def view(yaw: float = 0.0) -> View:
+    return View(CAMERA, camera_pose(Pose(np.zeros(3), quaternion_from_euler(0.0, 0.0, yaw)), CAMERA), LEVEL)
+
+
+def dome_outline(seen: View, x: float, y: float, radius: float, height: float) -> RockOutlines:
+    """Outline of half an ellipsoid of revolution, from its projected surface."""
+    around, up = np.meshgrid(np.linspace(0, 2 * np.pi, 121), np.linspace(0, np.pi / 2, 61))
+    surface: FloatArray = np.stack(
+        [
+            x + radius * np.cos(up) * np.cos(around),
+            y + radius * np.cos(up) * np.sin(around),
+            height * np.sin(up),
+        ],
+        axis=-1,
+    ).reshape(-1, 3)
+    pixels, _ = project(seen.camera, seen.pose, surface)
+    (left, top), (right, base) = pixels.min(axis=0), pixels.max(axis=0)
+    return RockOutlines(
+        np.zeros(1, np.int32), np.zeros(1), np.zeros((1, 9)), *(np.array([v]) for v in (left, right, top, base))
+    )
+
+
+def place(seen: View, shape: RockOutlines, know: GroundKnowledge | None = None) -> PerceivedRock | None:
+    return place_rocks(seen, shape, np.array([0.9]), (1.0, 1.0), know or GroundKnowledge())[0]
+
+
+@given(st.floats(1.5, 6.0), st.floats(-0.35, 0.35), st.floats(0.1, 0.35), st.floats(0.5, 1.0), st.floats(-3.0, 3.0))
+def test_a_dome_is_found_where_it_stands(away: float, bearing: float, radius: float, flat: float, yaw: float) -> None:
+    seen = view(yaw)
+    x, y = away * np.cos(yaw + bearing), away * np.sin(yaw + bearing)
+    rock = place(seen, dome_outline(seen, x, y, radius, flat * radius))
+    assert rock is not None
+    assert np.hypot(rock.position_w[0] - x, rock.position_w[1] - y) < 0.04 + 0.1 * radius
+    assert rock.position_w[2] == pytest.approx(0.0, abs=1e-9)
+    assert rock.length_m == pytest.approx(2 * radius, rel=0.15)
+    assert rock.height_m == pytest.approx(flat * radius, abs=0.25 * radius)
+    assert rock.range_m == pytest.approx(np.hypot(rock.position_w[0], rock.position_w[1]))
+    assert rock.position_sd_m > 0
+
+
+def test_the_tangent_formula_worked_by_hand() -> None:
+    # Camera 1 m up, near edge at 2 m, half depth 0.5, height 0.4: the grazing ray falls with slope s where
+    # (1 - 2.5 s)^2 = 0.16 + 0.25 s^2, so 6 s^2 - 5 s + 0.84 = 0 and s = 0.2333.
+    slope = (5 - np.sqrt(25 - 4 * 6 * 0.84)) / 12
+    half_depth, height = depth_and_height(1.0, np.array([2.0]), np.array([1.0]), np.array([slope]))
+    assert half_depth[0] == pytest.approx(0.5)
+    assert height[0] == pytest.approx(0.4)
+
+
+def test_what_looks_too_high_for_its_breadth_is_taken_as_deeper_then_as_high() -> None:
+    low_depth, low = depth_and_height(1.1, np.array([2.0]), np.array([0.3]), np.array([0.45]))
+    far_depth, tall = depth_and_height(1.1, np.array([2.0]), np.array([0.15]), np.array([0.1]))
+    assert low_depth[0] <= 0.15
+    assert low[0] >= 0.2 * 0.3
+    assert far_depth[0] == pytest.approx(0.15)  # twice the breadth deep at most
+    assert tall[0] > 0.6  # a post stays a post
+
+
+def test_far_and_tiny_rocks_are_left_out() -> None:
+    seen = view()
+    assert place(seen, dome_outline(seen, 10.1, 0.0, 0.3, 0.2)) is None
+    assert place(seen, dome_outline(seen, 3.0, 0.0, 0.05, 0.03)) is not None
+    assert place(seen, dome_outline(seen, 3.0, 0.0, 0.05, 0.03), GroundKnowledge(min_diameter_m=0.15)) is None
+
+
+def test_a_base_line_above_the_horizon_is_nowhere() -> None:
+    one = np.ones(1)
+    shape = RockOutlines(np.zeros(1, np.int32), one, np.ones((1, 9)), 100 * one, 120 * one, 2 * one, 10 * one)
+    assert place(view(), shape) is None
