@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from rover_sim.sim.raster_scene import Blocks
-from rover_sim.sim.shade_kernels import Light, Stones
+from rover_sim.sim.shade_types import Light, Stones
 from worlds.scenario import Sun
 
 SAND = np.array([176.0, 144.0, 101.0])  # level sand in full light
@@ -17,16 +17,16 @@ PEBBLE = np.array([138.0, 121.0, 97.0])
 HORIZON = (212.0, 186.0, 148.0)
 ZENITH = (178.0, 150.0, 116.0)
 SUNLIGHT = np.array([0.97, 0.95, 0.91])
-SKYLIGHT = np.array([0.33, 0.315, 0.31])
+SKYLIGHT = np.array([0.40, 0.385, 0.375])
 DUST_DEPTH = 0.15  # optical depth of the air over what the exposure takes care of
-LARGEST_EXPOSURE = 1.7
+LARGEST_EXPOSURE = 1.6
 HAZE_PER_M = 0.003
 
 # Share of rocks, colour, spread of the logarithm of brightness: basalt, dusty, bright.
 KINDS = (
-    (0.62, (108.0, 105.0, 95.0), 0.16),
+    (0.62, (116.0, 112.0, 101.0), 0.15),
     (0.28, (150.0, 125.0, 94.0), 0.10),
-    (0.10, (186.0, 170.0, 140.0), 0.08),
+    (0.10, (168.0, 154.0, 128.0), 0.07),
 )
 CYLINDER_COLOUR = (150.0, 150.0, 150.0)
 
@@ -64,13 +64,14 @@ def make_stones(blocks: Blocks, cylinders: frozenset[int], rng: np.random.Genera
     length = np.linalg.norm(normal, axis=1, keepdims=True)
     normal = np.divide(normal, length, out=np.tile([0.0, 0.0, 1.0], (len(normal), 1)), where=length > 0)
     n = len(blocks.owner)
-    look = np.zeros((n, 8), dtype=np.float32)
+    look = np.zeros((n, 9), dtype=np.float32)
     kind = rng.choice(len(KINDS), n, p=[share for share, _, _ in KINDS])
     brightness = np.exp(np.array([spread for _, _, spread in KINDS])[kind] * rng.standard_normal(n))
     look[:, :3] = np.array([colour for _, colour, _ in KINDS])[kind] * brightness[:, None]
     look[:, 3] = rng.uniform(0.05, 0.55, n)
     look[:, 4:7] = rng.uniform(0.0, 10.0, (n, 3))
     look[:, 7] = rng.uniform(0.7, 1.3, n)
+    look[:, 8] = 2 * blocks.radius_m
     painted = np.isin(blocks.owner, list(cylinders))
-    look[painted] = (*CYLINDER_COLOUR, 0.0, 0.0, 0.0, 0.0, 0.15)
+    look[painted, :8] = (*CYLINDER_COLOUR, 0.0, 0.0, 0.0, 0.0, 0.15)
     return Stones(normal.astype(np.float32), blocks.face_block, look)

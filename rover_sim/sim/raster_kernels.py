@@ -73,37 +73,52 @@ def _fill(
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _clip_and_fill(corners: FloatArray, tag: int, keys: KeyArray, tags: IntArray) -> None:
-    """Draw the part of a triangle beyond the near plane; ``corners`` (3, 4) as `_project` leaves them."""
+def _clip_and_fill(points: FloatArray, i: int, j: int, k: int, tag: int, keys: KeyArray, tags: IntArray) -> None:
+    """Draw the part of a triangle beyond the near plane; ``points`` as `_project` leaves them."""
+    # Scalars only: slices of arrays would take a second each to compile.
     polygon = np.empty((4, 3))
     count = 0
-    for i in range(3):
-        wa, wb = corners[i, 3], corners[(i + 1) % 3, 3]
+    for step in range(3):
+        a = i if step == 0 else (j if step == 1 else k)
+        b = j if step == 0 else (k if step == 1 else i)
+        wa, wb = points[a, 3], points[b, 3]
+        # In front a point is already divided by w, behind it is not.
+        sa, sb = (wa if wa >= NEAR else 1.0), (wb if wb >= NEAR else 1.0)
         if wa >= NEAR:
-            polygon[count] = corners[i, :3]
+            for axis in range(3):
+                polygon[count, axis] = points[a, axis]
             count += 1
         if (wa >= NEAR) != (wb >= NEAR):
             t = (NEAR - wa) / (wb - wa)
             for axis in range(3):
-                # In front the corner is already divided by w, behind it is not.
-                a = corners[i, axis] * (wa if wa >= NEAR else 1.0)
-                b = corners[(i + 1) % 3, axis] * (wb if wb >= NEAR else 1.0)
-                polygon[count, axis] = (a + t * (b - a)) / NEAR
+                polygon[count, axis] = (points[a, axis] * sa * (1.0 - t) + points[b, axis] * sb * t) / NEAR
             count += 1
-    for i in range(2, count):
-        a, b, c = polygon[0], polygon[i - 1], polygon[i]
-        _fill(a[0], a[1], a[2], b[0], b[1], b[2], c[0], c[1], c[2], tag, keys, tags)
+    for n in range(2, count):
+        _fill(
+            polygon[0, 0],
+            polygon[0, 1],
+            polygon[0, 2],
+            polygon[n - 1, 0],
+            polygon[n - 1, 1],
+            polygon[n - 1, 2],
+            polygon[n, 0],
+            polygon[n, 1],
+            polygon[n, 2],
+            tag,
+            keys,
+            tags,
+        )
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _project(x: float, y: float, z: float, matrix: FloatArray, out: FloatArray) -> None:
+def _project(x: float, y: float, z: float, matrix: FloatArray, points: FloatArray, i: int) -> None:
     """Write ``(u, v, key, w)`` of a point, or ``(u w, v w, key w, w)`` where it is not beyond the near plane."""
     w = matrix[2, 0] * x + matrix[2, 1] * y + matrix[2, 2] * z + matrix[2, 3]
     scale = 1.0 / w if w >= NEAR else 1.0
-    out[0] = (matrix[0, 0] * x + matrix[0, 1] * y + matrix[0, 2] * z + matrix[0, 3]) * scale
-    out[1] = (matrix[1, 0] * x + matrix[1, 1] * y + matrix[1, 2] * z + matrix[1, 3]) * scale
-    out[2] = (matrix[3, 0] * x + matrix[3, 1] * y + matrix[3, 2] * z + matrix[3, 3]) * scale
-    out[3] = w
+    points[i, 0] = (matrix[0, 0] * x + matrix[0, 1] * y + matrix[0, 2] * z + matrix[0, 3]) * scale
+    points[i, 1] = (matrix[1, 0] * x + matrix[1, 1] * y + matrix[1, 2] * z + matrix[1, 3]) * scale
+    points[i, 2] = (matrix[3, 0] * x + matrix[3, 1] * y + matrix[3, 2] * z + matrix[3, 3]) * scale
+    points[i, 3] = w
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -119,9 +134,7 @@ def _draw(points: FloatArray, i: int, j: int, k: int, tag: int, facing: float, k
             return
         _fill(x0, y0, points[a, 2], x1, y1, points[b, 2], x2, y2, points[c, 2], tag, keys, tags)
     elif in_front > 0:
-        corners = np.empty((3, 4))
-        corners[0], corners[1], corners[2] = points[a], points[b], points[c]
-        _clip_and_fill(corners, tag, keys, tags)
+        _clip_and_fill(points, i, j, k, tag, keys, tags)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -154,7 +167,7 @@ def draw_tiles(
                 z = heights[row, column]
                 if i == 0 or j == 0 or i == rows - 1 or j == columns - 1:
                     z -= drops[tile]
-                _project(grid[0] + grid[2] * column, grid[1] + grid[2] * row, z, matrix, points[i * side + j])
+                _project(grid[0] + grid[2] * column, grid[1] + grid[2] * row, z, matrix, points, i * side + j)
         for i in range(rows - 1):
             for j in range(columns - 1):
                 a = i * side + j
@@ -184,7 +197,7 @@ def draw_blocks(
     for block in range(ranges.shape[0]):
         first = ranges[block, 0]
         for i in range(first, ranges[block, 1]):
-            _project(vertices[i, 0], vertices[i, 1], vertices[i, 2], matrix, points[i - first])
+            _project(vertices[i, 0], vertices[i, 1], vertices[i, 2], matrix, points, i - first)
         for face in range(ranges[block, 2], ranges[block, 3]):
             a, b, c = faces[face, 0] - first, faces[face, 1] - first, faces[face, 2] - first
             tag = face + 1 if face < ground_from else GROUND_TAG

@@ -19,6 +19,7 @@ from worlds.types import BoolArray, FloatArray, HeightField, IntArray, TriangleM
 STRIDES = (1, 2, 4, 8, 16, 32)
 TOLERANCE_PX = 0.5  # height error of a coarse tile on the screen
 COARSE_BELOW_PX = 12.0  # rocks narrower than this are drawn with the coarse mesh
+OCTAHEDRON_BELOW_PX = 2.5  # those narrower than this as octahedra
 INVISIBLE_BELOW_PX = 0.35  # and those narrower than this not at all
 APRON_M = (4.0, 300.0)  # widths of two rings of ground around the map, so that the world does not end in a cliff
 APRON_STEP = 16  # the outer ring has a vertex for so many of the map's edge
@@ -128,13 +129,13 @@ def _brackets(size: int, stride: int) -> tuple[IntArray, IntArray, FloatArray]:
 class Blocks:
     """Rocks, cylinders and the apron as blocks of one mesh.
 
-    The first ``count`` blocks are the rocks as the picture mesh has them, the next ``count`` the same rocks coarse,
-    the last one is the apron.
+    Each rock is there three times: the first ``count`` blocks are the rocks as the picture mesh has them, the next
+    ``count`` the same rocks coarse, then as octahedra; the last block is the apron.
     """
 
     vertices_w: FloatArray  # (V, 3)
     faces: IntArray  # (F, 3)
-    ranges: IntArray  # (2 * count + 1, 4) first and past-last vertex and face
+    ranges: IntArray  # (3 * count + 1, 4) first and past-last vertex and face
     owner: IntArray  # (count,) rock or cylinder id of a block
     face_block: IntArray  # (F,) 0..count-1
     centre_w: FloatArray  # (count, 3) of the bounding sphere
@@ -146,7 +147,8 @@ class Blocks:
         distance = np.linalg.norm(self.centre_w - view.eye_w, axis=1) - self.radius_m
         width_px = 2 * self.radius_m * view.focal_px / np.maximum(distance, NEAR)
         seen = np.flatnonzero(view.sees(self.centre_w, self.radius_m) & (width_px >= INVISIBLE_BELOW_PX))
-        block = seen + np.where(width_px[seen] < COARSE_BELOW_PX, len(self.owner), 0)
+        step = (width_px[seen] < COARSE_BELOW_PX).astype(int) + (width_px[seen] < OCTAHEDRON_BELOW_PX)
+        block = seen + step * len(self.owner)
         return np.asarray(self.ranges[np.append(block, len(self.ranges) - 1)])
 
     def ids(self, tags: IntArray) -> IntArray:
@@ -168,15 +170,14 @@ def make_blocks(world: World) -> Blocks:
     if not np.array_equal(owner, coarse_owner):
         # A rock without a coarse form is drawn fine at every distance.
         coarse, coarse_ranges = fine, fine_ranges
+    lower, upper = _bounds(fine, fine_ranges)
+    tiny, tiny_ranges = _octahedra(lower, upper, owner)
     apron = make_apron(world.ground)
-    shifts = np.cumsum([[0, 0], _size(fine), _size(coarse)], axis=0)
-    parts, ranges = (fine, coarse, apron), (fine_ranges, coarse_ranges, np.array([[0, *_size(apron)]])[:, [0, 1, 0, 2]])
+    parts = (fine, coarse, tiny, apron)
+    ranges = (fine_ranges, coarse_ranges, tiny_ranges, np.array([[0, len(apron.vertices_m), 0, len(apron.faces)]]))
+    shifts = np.cumsum([(0, 0)] + [(len(part.vertices_m), len(part.faces)) for part in parts[:-1]], axis=0)
     faces = np.concatenate([part.faces + shift[0] for part, shift in zip(parts, shifts, strict=True)])
     shifted = np.concatenate([r + shift[[0, 0, 1, 1]] for r, shift in zip(ranges, shifts, strict=True)])
-    lower, upper = (
-        which.reduceat(fine.vertices_m, fine_ranges[:, 0], axis=0) if len(owner) else np.zeros((0, 3))
-        for which in (np.minimum, np.maximum)
-    )
     return Blocks(
         vertices_w=np.concatenate([part.vertices_m for part in parts]),
         faces=np.ascontiguousarray(faces, dtype=np.int32),
@@ -185,13 +186,30 @@ def make_blocks(world: World) -> Blocks:
         face_block=np.concatenate([np.searchsorted(owner, part.owner) for part in parts]).astype(np.int32),
         centre_w=(lower + upper) / 2,
         radius_m=np.linalg.norm(upper - lower, axis=1) / 2,
-        apron_face=int(shifts[2, 1]),
+        apron_face=int(shifts[-1, 1]),
     )
 
 
-def _size(mesh: TriangleMesh) -> tuple[int, int]:
-    """Number of vertices and faces."""
-    return len(mesh.vertices_m), len(mesh.faces)
+def _bounds(mesh: TriangleMesh, ranges: IntArray) -> tuple[FloatArray, FloatArray]:
+    """Lower and upper corner (N, 3) of each block's bounding box."""
+    if len(ranges) == 0:
+        return np.zeros((0, 3)), np.zeros((0, 3))
+    low, high = (which.reduceat(mesh.vertices_m, ranges[:, 0], axis=0) for which in (np.minimum, np.maximum))
+    return low, high
+
+
+def _octahedra(lower: FloatArray, upper: FloatArray, owner: IntArray) -> tuple[TriangleMesh, IntArray]:
+    """One octahedron a bounding box, as large on the screen as the ellipsoid in that box; and their ranges."""
+    # A rhombus in an ellipse covers 2 / pi of it.
+    half = (upper - lower) / 2 * np.sqrt(np.pi / 2)
+    tips = np.concatenate([np.eye(3), -np.eye(3)])
+    vertices = ((lower + upper)[:, None] / 2 + tips * half[:, None]).reshape(-1, 3)
+    upper_faces = np.array([[0, 1, 2], [1, 3, 2], [3, 4, 2], [4, 0, 2]])
+    lower_faces = np.array([[1, 0, 5], [3, 1, 5], [4, 3, 5], [0, 4, 5]])
+    block = np.arange(len(owner))
+    faces = np.concatenate([upper_faces, lower_faces]) + 6 * block[:, None, None]
+    mesh = TriangleMesh(vertices, faces.reshape(-1, 3).astype(np.int32), np.repeat(owner, 8))
+    return mesh, np.column_stack([6 * block, 6 * block + 6, 8 * block, 8 * block + 8]).astype(np.int32)
 
 
 def _by_owner(mesh: TriangleMesh) -> tuple[TriangleMesh, IntArray, IntArray]:

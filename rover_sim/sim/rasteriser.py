@@ -12,9 +12,10 @@ from rover_sim.sim import shade_kernels as shading
 from rover_sim.sim.appearance import make_light, make_stones
 from rover_sim.sim.raster_scene import View, ground_plane, make_blocks, make_tiles
 from rover_sim.sim.renderer import RenderedImage, check_camera, pose_rotation
+from rover_sim.sim.shade_types import Lens, Surface
 from rover_sim.sim.shadow_map import BIAS_TEXELS, make_shadow_map
 from rover_sim.sim.textures import drift_texture, ground_texture, rock_texture
-from worlds.types import CameraModel, HeightField, IntArray, Pose, World
+from worlds.types import CameraModel, FloatArray, HeightField, IntArray, Pose, World
 
 PEBBLE_COVER = (0.8, 0.10)  # pebbles cover this many times the rocks' share of area, at most so much
 
@@ -41,6 +42,15 @@ class Rasteriser:
         self._surface = make_surface(ground)
         self._shadow = make_shadow_map(ground, self._blocks, self._light.to_sun_w)
 
+    def update_ground(self, heights_m: FloatArray) -> None:
+        """Take new heights (ny, nx), m, of the same grid; slopes, tiles and shadows follow, rocks stay where they are.
+
+        Raises ValueError for heights of another shape.
+        """
+        if heights_m.shape != self._ground.heights_m.shape:
+            raise ValueError(f"heights of shape {heights_m.shape}: must be {self._ground.heights_m.shape}")
+        self._set_ground(HeightField(heights_m, self._ground.resolution_m, self._ground.origin_m))
+
     def render(self, camera: CameraModel, camera_pose: Pose) -> RenderedImage:
         """Picture, depth and ids from a pose whose axes are the camera's right, down and forward."""
         check_camera(camera)
@@ -54,11 +64,12 @@ class Rasteriser:
         keys = np.zeros((camera.height_px, camera.width_px), dtype=np.float32)
         tags = np.full(keys.shape, raster.EMPTY_TAG, dtype=np.int32)
         self._draw(view, keys, tags)
-        image = np.empty((*keys.shape, 3), dtype=np.uint8)
+        raw = np.empty((*keys.shape, 3), dtype=np.uint8)
+        image = np.empty_like(raw)
         shading.shade(
             keys,
             tags,
-            shading.Lens(view.eye_w, np.ascontiguousarray(view.rotation), camera.focal_px),
+            Lens(view.eye_w, np.ascontiguousarray(view.rotation), camera.focal_px),
             self._surface,
             self._fine,
             self._drift,
@@ -67,8 +78,9 @@ class Rasteriser:
             self._shadow,
             BIAS_TEXELS / self._shadow.matrix[0, 0],
             self._light,
-            image,
+            raw,
         )
+        shading.soften_outlines(raw, tags, image)
         depth = np.full(keys.shape, np.inf, dtype=np.float32)
         np.divide(np.float32(1.0), keys, out=depth, where=keys > 0)
         return RenderedImage(image, depth, self._blocks.ids(tags))
@@ -84,9 +96,9 @@ class Rasteriser:
         )
 
 
-def make_surface(ground: HeightField) -> shading.Surface:
+def make_surface(ground: HeightField) -> Surface:
     """Slopes by central differences, and those of the mean plane for what lies beyond the edge."""
     dy, dx = np.gradient(ground.heights_m, ground.resolution_m)
     beyond_x, beyond_y, _ = ground_plane(ground)
     slopes = np.stack([dx, dy], axis=-1).astype(np.float32)
-    return shading.Surface(slopes, *ground.origin_m, ground.resolution_m, beyond_x, beyond_y)
+    return Surface(slopes, *ground.origin_m, ground.resolution_m, beyond_x, beyond_y)

@@ -2,68 +2,19 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
 from rover_sim.sim.raster_kernels import EMPTY_TAG, GROUND_TAG, KeyArray
+from rover_sim.sim.shade_types import Colour, Lens, Light, ShadowMap, Stones, Surface
 from rover_sim.sim.texture_kernels import Texels, sample_plane, sample_solid, sample_strip
 from rover_sim.sim.textures import Pyramid
-from worlds.types import ByteArray, FloatArray, IntArray
+from worlds.types import ByteArray, IntArray
 
-Colour = tuple[float, float, float]
 Slopes = NDArray[np.float32]
 Grid = tuple[float, float, float, float, float]  # x and y of the first sample, samples a metre, slopes beyond
 Shear = tuple[float, float, float, float, float, float]  # u = 0 x + 1 z + 2, v = 0 y + 3 z + 4, key = z + 5
-
-
-class Lens(NamedTuple):
-    """Where the camera is and how it sees."""
-
-    eye_w: FloatArray  # (3,)
-    rotation: FloatArray  # (3, 3), columns are right, down, forward in the world
-    focal_px: float
-
-
-class Surface(NamedTuple):
-    """The ground: slopes at every sample, and the plane beyond its edge."""
-
-    slopes: NDArray[np.float32]  # (ny, nx, 2) dz/dx, dz/dy
-    x0_m: float
-    y0_m: float
-    resolution_m: float
-    slope_beyond_x: float
-    slope_beyond_y: float
-
-
-class Stones(NamedTuple):
-    """How each face of the rocks looks."""
-
-    normal: NDArray[np.float32]  # (F, 3) outward unit normals
-    block: IntArray  # (F,) which rock
-    look: NDArray[np.float32]  # (R, 8) red, green, blue, dust share, texture offset x, y, z, roughness
-
-
-class ShadowMap(NamedTuple):
-    """Heights of what the sun meets first; a texel is a ray of the sun through a level plane."""
-
-    key: KeyArray  # (N, N)
-    matrix: FloatArray  # (4, 4) world to texels and key
-
-
-class Light(NamedTuple):
-    """Colours are of a picture of 0..255 levels; the exposure is in them."""
-
-    to_sun_w: Colour  # unit vector
-    sun: Colour
-    ambient: Colour
-    sand: Colour
-    pebble: Colour
-    horizon: Colour
-    zenith: Colour
-    haze_per_m: float
 
 
 @njit(cache=True, nogil=True, fastmath=True, forceinline=True)
@@ -198,8 +149,8 @@ def _stone(
     n = (float(normals[face, 0]), float(normals[face, 1]), float(normals[face, 2]))
     rock = blocks[face]
     x, y, z = point[0] + looks[rock, 4], point[1] + looks[rock, 5], point[2] + looks[rock, 6]
-    fine = sample_solid(solid, solid_px, solid_per_m, x, y, z, minor_m * 1.5)
-    broad = sample_solid(solid, solid_px, solid_per_m, 0.23 * x, 0.23 * y, 0.23 * z, minor_m * 0.35)
+    fine = sample_solid(solid, solid_px, solid_per_m, x, y, z, minor_m)
+    broad = sample_solid(solid, solid_px, solid_per_m, 0.23 * x, 0.23 * y, 0.23 * z, 0.23 * minor_m)
     rough = float(looks[rock, 7])
     g = (rough * (fine[1] + 0.6 * broad[1]), rough * (fine[2] + 0.6 * broad[2]), rough * (fine[3] + 0.6 * broad[3]))
     # Only the part of the gradient in the surface bends the normal (Perlin, "An image synthesizer", 1985).
@@ -207,6 +158,8 @@ def _stone(
     bumped = _unit(n[0] - g[0] + along * n[0], n[1] - g[1] + along * n[1], n[2] - g[2] + along * n[2])
     brightness = 1.0 + rough * (fine[0] + broad[0] - 2.0)
     dust = looks[rock, 3] * max(bumped[2], 0.0) ** 2
+    # A rock of two pixels or less would glitter as the camera moves: it takes on the colour of the sand around it.
+    dust = max(dust, 1.0 - 0.5 * float(looks[rock, 8]) / minor_m)
     colour = (
         brightness * (looks[rock, 0] + dust * (light.sand[0] - looks[rock, 0])),
         brightness * (looks[rock, 1] + dust * (light.sand[1] - looks[rock, 1])),
@@ -301,3 +254,31 @@ def shade(
             for channel in range(3):
                 value = clear * colour[channel] + (1.0 - clear) * sky[channel]
                 image[row, column, channel] = np.uint8(min(max(value + 0.5, 0.0), 255.0))
+
+
+@njit(cache=True, nogil=True)
+def soften_outlines(image: ByteArray, tags: IntArray, out: ByteArray) -> None:
+    """Copy ``image`` (H, W, 3) to ``out``, with the outlines of rocks and of the sky averaged over their neighbours.
+
+    A pixel is lit at its centre alone, so that outlines would be stairs and far rocks would glitter; a lens and a
+    pixel of some width average them.
+    """
+    rows, columns = tags.shape
+    for row in range(rows):
+        above, below = max(row - 1, 0), min(row + 1, rows - 1)
+        for column in range(columns):
+            left, right = max(column - 1, 0), min(column + 1, columns - 1)
+            here = min(tags[row, column], 1)
+            edge = (
+                min(tags[above, column], 1) != here
+                or min(tags[below, column], 1) != here
+                or min(tags[row, left], 1) != here
+                or min(tags[row, right], 1) != here
+            )
+            for channel in range(3):
+                value = int(image[row, column, channel])
+                if edge:
+                    around = int(image[above, column, channel]) + int(image[below, column, channel])
+                    around += int(image[row, left, channel]) + int(image[row, right, channel])
+                    value = (4 * value + around + 4) // 8
+                out[row, column, channel] = value

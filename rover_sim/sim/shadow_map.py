@@ -12,7 +12,7 @@ import numpy as np
 
 from rover_sim.sim.raster_kernels import TILE_CELLS, draw_blocks, draw_tiles
 from rover_sim.sim.raster_scene import Blocks
-from rover_sim.sim.shade_kernels import ShadowMap
+from rover_sim.sim.shade_types import ShadowMap
 from worlds.types import FloatArray, HeightField, Vector3
 
 MAP_PX = 4096  # at most; 67 MB, 1 cm over a world of 40 m

@@ -15,6 +15,8 @@ from numpy.typing import NDArray
 Texels = NDArray[np.float32]  # (texels of all levels, 4)
 Texel = tuple[Any, Any, Any, Any]  # four of type float32
 Vector = tuple[float, float, float]
+SHARPNESS = 0.8  # a level as large as the pixel itself blurs more than the pixel's own average would
+BLEND_FROM = 0.3  # levels are blended over the middle of the way from one to the next
 ZERO, ONE = np.float32(0.0), np.float32(1.0)
 
 
@@ -62,16 +64,25 @@ def _level(top: int, per_m: float, footprint_m: float) -> float:
 
 
 @njit(cache=True, nogil=True, fastmath=True, forceinline=True)
+def _split(lod: float) -> tuple[int, Any]:
+    """A level, and the share of the next one; most pixels need one level only, and no seam is left between."""
+    level = int(lod)
+    share = (lod - level - BLEND_FROM) / (1.0 - 2.0 * BLEND_FROM)
+    if share >= 1.0:
+        return level + 1, ZERO
+    return level, np.float32(max(share, 0.0))
+
+
+@njit(cache=True, nogil=True, fastmath=True, forceinline=True)
 def sample_plane(t: Texels, top: int, per_m: float, x_m: float, y_m: float, footprint_m: float) -> Texel:
     """Square texture, blended between the two nearest levels."""
-    lod = _level(top, per_m, footprint_m)
-    level = int(lod)
-    if lod == level:
+    level, share = _split(_level(top, per_m, footprint_m))
+    if share == ZERO:
         return _plane_texel(t, top, per_m, level, x_m, y_m)
     return _mix(
         _plane_texel(t, top, per_m, level, x_m, y_m),
         _plane_texel(t, top, per_m, level + 1, x_m, y_m),
-        np.float32(lod - level),
+        share,
     )
 
 
@@ -83,10 +94,10 @@ def sample_strip(
 
     Far away that strip is many times longer than wide: a few samples along it neither glitter nor blur.
     """
-    taps = min(max(int(0.5 * major_m / minor_m), 1), 4)
+    taps = min(max(int(0.4 * major_m / minor_m), 1), 4)
     level = np.sqrt(ray[0] * ray[0] + ray[1] * ray[1]) + 1e-9
     step_x, step_y = ray[0] / level * major_m / taps, ray[1] / level * major_m / taps
-    footprint = max(minor_m, major_m / taps * 0.7)
+    footprint = SHARPNESS * max(minor_m, major_m / taps * 0.7)
     t0, t1, t2, t3 = ZERO, ZERO, ZERO, ZERO
     for tap in range(taps):
         at = tap - 0.5 * (taps - 1)
@@ -119,13 +130,14 @@ def _solid_texel(t: Texels, top: int, per_m: float, level: int, x_m: float, y_m:
     return r0, r1, r2, r3
 
 
-@njit(cache=True, nogil=True, fastmath=True, forceinline=True)
+@njit(cache=True, nogil=True, fastmath=True)
 def sample_solid(t: Texels, top: int, per_m: float, x_m: float, y_m: float, z_m: float, footprint_m: float) -> Texel:
     """Cubic texture, blended between the two nearest levels."""
-    lod = _level(top, per_m, footprint_m)
-    level = int(lod)
+    level, share = _split(_level(top, per_m, footprint_m))
+    if share == ZERO:
+        return _solid_texel(t, top, per_m, level, x_m, y_m, z_m)
     return _mix(
         _solid_texel(t, top, per_m, level, x_m, y_m, z_m),
         _solid_texel(t, top, per_m, level + 1, x_m, y_m, z_m),
-        np.float32(lod - level),
+        share,
     )

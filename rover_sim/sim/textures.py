@@ -71,10 +71,10 @@ def ground_texture(pebble_cover: float, rng: np.random.Generator) -> Pyramid:
     swell = spectral_noise(shape, GROUND_TILE_M, (0.05, 1.5), 1.8, rng)
     stain = spectral_noise(shape, GROUND_TILE_M, (0.02, 2.0), 1.2, rng)
     pebble_m, share = pebbles(pebble_cover, rng)
-    height = 0.0004 * grain + 0.004 * swell + pebble_m
+    height = 0.00045 * grain + 0.004 * swell + pebble_m
     slope_x, slope_y = slopes_of(height, GROUND_TILE_M)
     brightness = (
-        1 + 0.020 * grain + 0.020 * stain + 0.10 * share * spectral_noise(shape, GROUND_TILE_M, (0.02, 0.2), 0.5, rng)
+        1 + 0.026 * grain + 0.030 * stain + 0.10 * share * spectral_noise(shape, GROUND_TILE_M, (0.02, 0.2), 0.5, rng)
     )
     # Steeper than this a slope would only show the coarseness of the texels.
     return make_pyramid(
@@ -124,8 +124,8 @@ def drift_texture(rng: np.random.Generator) -> Pyramid:
 def rock_texture(rng: np.random.Generator) -> Pyramid:
     """Solid rock: brightness and the three slopes of a field that dents the surface; a cube, so it has no seams."""
     shape = (ROCK_SIZE_PX,) * 3
-    stain = spectral_noise(shape, ROCK_TILE_M, (0.009, ROCK_TILE_M), 1.6, rng)
-    dent = spectral_noise(shape, ROCK_TILE_M, (0.009, ROCK_TILE_M), 2.6, rng)
+    stain = spectral_noise(shape, ROCK_TILE_M, (0.009, ROCK_TILE_M), 1.3, rng)
+    dent = spectral_noise(shape, ROCK_TILE_M, (0.009, ROCK_TILE_M), 2.4, rng)
     slopes = slopes_of(dent, ROCK_TILE_M)
     strength = 0.35 / np.sqrt(np.mean([np.var(s) for s in slopes]))
     return make_pyramid(np.stack([1 + 0.10 * stain, *(strength * s for s in slopes)], -1), ROCK_TILE_M)
