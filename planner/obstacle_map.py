@@ -29,6 +29,7 @@ class DriveModel:
     sure_certainty: float = 0.35  # rocks less likely than this only cost
     sd_share: float = 0.5  # of a rock's position error added to its berth
     most_sd_m: float = 0.20
+    sure_sd_m: float = 0.30  # a rock whose place is less certain only costs: a nearer look will place it
 
     def need_m(self, footprint: Footprint, *, squeeze: bool = False) -> float:
         """Distance that the rover's centre line keeps from the edge of a hard rock."""
@@ -77,6 +78,7 @@ def obstacles(rocks: RockMemory, model: DriveModel) -> FloatArray:
     axis = half[:, None] * np.stack([np.cos(rocks.yaw_rad), np.sin(rocks.yaw_rad)], axis=1)
     certainty = rocks.certainty
     hard = (rocks.height_m > model.climb_height_m) & (certainty > model.sure_certainty)
+    hard &= rocks.worst_sd_m < model.sure_sd_m
     radius = 0.5 * rocks.width_m + np.where(hard, np.minimum(model.sd_share * rocks.sd_m, model.most_sd_m), 0.0)
     # Low rocks weigh with the square of their height: the knock of a wheel that climbs them.
     low = 0.4 * np.minimum(rocks.height_m / model.climb_height_m, 1.0) ** 2

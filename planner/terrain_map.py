@@ -44,6 +44,13 @@ class RockMemory:
         """Mean one-sigma position error (N,)."""
         return np.sqrt(0.5 * (self.covariance[:, 0, 0] + self.covariance[:, 1, 1]))
 
+    @property
+    def worst_sd_m(self) -> FloatArray:
+        """One-sigma position error (N,) along the worst direction."""
+        half = 0.5 * (self.covariance[:, 0, 0] + self.covariance[:, 1, 1])
+        apart = 0.5 * (self.covariance[:, 0, 0] - self.covariance[:, 1, 1])
+        return np.asarray(np.sqrt(half + np.hypot(apart, self.covariance[:, 0, 1])))
+
     def select(self, index: Index | BoolArray | slice) -> RockMemory:
         """The rocks of a mask, of indices or of a slice."""
         return RockMemory(*(getattr(self, part.name)[index] for part in fields(self)))
@@ -151,22 +158,28 @@ def _associate(rocks: RockMemory, views: RockMemory, model: MemoryModel) -> tupl
 
 
 def _fuse(rocks: RockMemory, views: RockMemory, match: Index, model: MemoryModel) -> RockMemory:
-    """Matched rocks moved to the mean weighted by inverse covariance, resized by inverse squared range."""
+    """Matched rocks moved by covariance intersection, resized by inverse squared range.
+
+    All views of a rock share the error of the ground plane, so they must not average out: covariance intersection
+    (Julier and Uhlmann, 1997) holds for any correlation; its weight is that of Niehsen (2002), by the traces.
+    """
     index = np.flatnonzero(match >= 0)
     if len(index) == 0:
         return rocks
     old, new = rocks.select(index), views.select(match[index])
-    gain = old.covariance @ np.linalg.inv(old.covariance + new.covariance)
+    old_trace, new_trace = (np.trace(part.covariance, axis1=1, axis2=2) for part in (old, new))
+    old_share = (new_trace / (old_trace + new_trace))[:, None, None]
+    old_information = old_share * np.linalg.inv(old.covariance)
+    new_information = (1.0 - old_share) * np.linalg.inv(new.covariance)
+    covariance = np.linalg.inv(old_information + new_information)
+    gain = covariance @ new_information
     centre = old.centre_w + np.einsum("nij,nj->ni", gain, new.centre_w - old.centre_w)
-    covariance = old.covariance - gain @ old.covariance
-    # Views share the errors of pose and ground plane, so they never average out altogether.
-    floor = (0.6 * model.least_sd_m) ** 2 * np.eye(2)
     share = new.weight / (old.weight + new.weight)
     yaw = old.yaw_rad + share * _half_turn(new.yaw_rad - old.yaw_rad)
     gained = np.minimum(old.log_odds + model.seen_gain * new.certainty, model.most_log_odds)
     fused = RockMemory(
         centre,
-        0.5 * (covariance + np.swapaxes(covariance, 1, 2)) + floor,
+        0.5 * (covariance + np.swapaxes(covariance, 1, 2)),
         old.length_m + share * (new.length_m - old.length_m),
         old.width_m + share * (new.width_m - old.width_m),
         old.height_m + share * (new.height_m - old.height_m),
