@@ -1,4 +1,4 @@
-"""Milliseconds a frame: the whole perception and its parts, with scikit-image's co-occurrence beside ours.
+"""Milliseconds of processor time a frame: all of perception and its parts, scikit-image's co-occurrence beside ours.
 
 OMP_NUM_THREADS=1 uv run python benchmarks/perception_speed.py PICTURE [--repeat 50]
 """
@@ -26,13 +26,13 @@ from worlds.types import ByteArray, CameraModel, Frame, GroundPlane, Pose
 
 
 def median_ms(work: Callable[[], object], repeat: int) -> float:
-    """Median wall time of ``work`` in milliseconds, after one call to compile and warm up."""
+    """Median processor time of ``work`` in milliseconds, after one call to compile and warm up."""
     work()
     times = []
     for _ in range(repeat):
-        start = time.perf_counter()
+        start = time.process_time()
         work()
-        times.append(time.perf_counter() - start)
+        times.append(time.process_time() - start)
     return 1e3 * float(np.median(times))
 
 
@@ -54,7 +54,7 @@ def main() -> None:
     parser.add_argument("--repeat", type=int, default=50)
     parser.add_argument("--knowledge", default="mars")
     arguments = parser.parse_args()
-    cv2.setNumThreads(1)
+    cv2.setNumThreads(1)  # else processor time would add up over threads
     knowledge = load_knowledge(arguments.knowledge)
     loaded = cv2.imread(str(arguments.picture))
     if loaded is None:

@@ -16,7 +16,7 @@ from perception.knowledge_base import Sky, SoilKnowledge
 from worlds.types import BoolArray, FloatArray
 
 SingleArray = NDArray[np.float32]
-_TREND_ROUNDS = 3
+_TREND_ROUNDS, _TREND_STRIDE = 3, 7  # a seventh of the soil pixels tells the trend as well
 _GREY_SATURATION = 0.5  # mean |a*| + |b*| under which a picture carries no colour
 
 
@@ -78,10 +78,10 @@ def _axes(count: int) -> SingleArray:
 
 def _fit_trend(lightness: SingleArray, soil: BoolArray, stiffness: float) -> SingleArray:
     """Quadratic surface (6,) through the lightness of soil pixels, without outliers; a stiff one stays level."""
-    rows, columns = np.nonzero(soil)
+    rows, columns = (index[::_TREND_STRIDE] for index in np.nonzero(soil))
     x, y = _axes(soil.shape[1])[columns].astype(np.float64), _axes(soil.shape[0])[rows].astype(np.float64)
     terms = np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=-1)
-    values = lightness[soil].astype(np.float64)
+    values = lightness[rows, columns].astype(np.float64)
     values -= float(np.median(values))
     kept = np.ones(len(values), dtype=bool)
     coefficients: FloatArray = np.zeros(6)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from worlds.types import FloatArray, Footprint, Observation
 GOAL_RANGE_M = 8.0  # straight ahead; within the range that the perception places rocks at
 GOAL_RADIUS_M = 0.5
 _SPACING_M = 0.05
+_SAME_PLANE_SD_M = 0.05
 _ORIGIN = np.zeros(2)
 
 
@@ -33,7 +34,9 @@ def picture_paths(observation: Observation, view: View, footprint: Footprint) ->
 
     Empty where no row is free or none of a path lies in the picture.
     """
-    memory = remember(empty_memory(_ORIGIN), observation, _ORIGIN)
+    # Rocks and paths go through the same plane and back into the same picture, so its error does not part them.
+    rocks = tuple(replace(rock, position_sd_m=_SAME_PLANE_SD_M) for rock in observation.rocks)
+    memory = remember(empty_memory(_ORIGIN), replace(observation, rocks=rocks), _ORIGIN)
     models = Models(footprint)
     place = Place((0.0, 0.0), 0.0, (GOAL_RANGE_M, 0.0), GOAL_RADIUS_M)
     choice = choose(memory, obstacles(memory.rocks, models.drive), place, models, detour=False)

@@ -13,7 +13,6 @@ from worlds.types import FloatArray, HeightField, PerceivedRock, Rock, RockShape
 
 _SAND, _ROCK = (196, 160, 112, 255), (112, 104, 96, 255)
 _CELL_M = 0.5
-_TO_GLTF = np.array([[1, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]], dtype=float)  # y is up there
 
 
 def terrain_glb(rocks: Sequence[ImageRock], reach_m: float) -> bytes:
@@ -25,7 +24,6 @@ def terrain_glb(rocks: Sequence[ImageRock], reach_m: float) -> bytes:
     if solids:
         mesh = rock_meshes(solids, ground, PICTURE_LEVELS)
         _add(scene, "rocks", mesh.vertices_m, np.asarray(mesh.faces), _ROCK)
-    scene.apply_transform(_TO_GLTF)  # type: ignore[no-untyped-call]
     return bytes(scene.export(file_type="glb"))  # type: ignore[no-untyped-call]
 
 
@@ -60,6 +58,7 @@ def _sheet(ground: HeightField) -> tuple[FloatArray, FloatArray]:
 def _add(
     scene: trimesh.Scene, name: str, vertices: FloatArray, faces: FloatArray, colour: tuple[int, int, int, int]
 ) -> None:
+    vertices = vertices[:, [0, 2, 1]] * (1.0, 1.0, -1.0)  # glTF has y up
     mesh = trimesh.Trimesh(
         vertices, faces, process=False, vertex_colors=np.tile(np.array(colour, np.uint8), (len(vertices), 1))
     )
