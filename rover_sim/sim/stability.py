@@ -13,21 +13,33 @@ def force_angle(contacts: FloatArray, centre: FloatArray, force: FloatArray, mom
     ``contacts`` (m, 3) clockwise seen from above; ``centre`` (3,) of mass; ``force`` and ``moment`` (3,) on the
     vehicle without the ground's reactions (gravity minus mass times acceleration).
     """
-    margins = []
-    for start, end in zip(contacts, np.roll(contacts, -1, axis=0), strict=True):
-        axis = (end - start) / np.linalg.norm(end - start)
-        lever = end - centre
-        lever = lever - axis * (axis @ lever)
-        distance = np.linalg.norm(lever)
-        unit = lever / distance
-        across = force - axis * (axis @ force)
-        total = across + np.cross(unit, axis * (axis @ moment)) / distance
-        size = np.linalg.norm(total)
-        if size < 1e-9:
-            return 0.0
-        direction = total / size
-        arm = -lever + (lever @ direction) * direction
-        angle = np.arccos(np.clip(direction @ unit, -1.0, 1.0))
-        sign = 1.0 if np.cross(direction, unit) @ axis > 0 else -1.0
-        margins.append(sign * angle * np.linalg.norm(arm) * size)
-    return float(min(margins))
+    ends = np.roll(contacts, -1, axis=0)
+    axis = _unit(ends - contacts)
+    lever = ends - centre
+    lever = lever - axis * _dot(axis, lever)
+    distance = np.sqrt(_dot(lever, lever))
+    unit = lever / distance
+    total = force - axis * (axis @ force)[:, None] + _cross(unit, axis * (axis @ moment)[:, None]) / distance
+    size = np.sqrt(_dot(total, total))
+    if size.min() < 1e-9:
+        return 0.0
+    direction = total / size
+    arm = _dot(lever, direction) * direction - lever
+    angle = np.arccos(np.clip(_dot(direction, unit), -1.0, 1.0))
+    sign = np.where(_dot(_cross(direction, unit), axis) > 0, 1.0, -1.0)
+    return float((sign * angle * np.sqrt(_dot(arm, arm)) * size).min())
+
+
+def _dot(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Row by row (m, 1)."""
+    return np.asarray(np.einsum("ij,ij->i", a, b)[:, None])
+
+
+def _unit(a: FloatArray) -> FloatArray:
+    return np.asarray(a / np.sqrt(_dot(a, a)))
+
+
+def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Row by row (m, 3); numpy's own costs four times as much on so few rows."""
+    (ax, ay, az), (bx, by, bz) = a.T, b.T
+    return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=1)

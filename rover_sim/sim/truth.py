@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 from math import acos
 
 import numpy as np
@@ -72,8 +73,7 @@ def observe(now: Snapshot) -> VehicleState:
 def _stability(now: Snapshot, rotation: FloatArray, origin: FloatArray) -> float:
     """Force-angle measure divided by its value at rest on level ground."""
     rover = now.rover
-    centre_b = np.array(rover.centre_of_mass_b)
-    feet_b = (np.array(rover.wheel.positions_m) - [0.0, 0.0, rover.wheel.radius_m])[list(_CLOCKWISE)]
+    feet_b, centre_b = _feet_and_centre(rover)
     (old_velocity, old_rate), (velocity, rate) = now.motion[0], now.motion[-1]
     span = max(len(now.motion) - 1, 1) * now.dt
     acceleration = (np.array(velocity) - old_velocity) / span
@@ -82,5 +82,18 @@ def _stability(now: Snapshot, rotation: FloatArray, origin: FloatArray) -> float
     force = rover.mass_kg * (gravity - acceleration)
     moment = -rotation @ (np.array(rover.chassis.inertia_kg_m2) * turning)
     margin = force_angle(feet_b @ rotation.T + origin, rotation @ centre_b + origin, force, moment)
-    level = force_angle(feet_b, centre_b, rover.mass_kg * gravity, np.zeros(3))
-    return margin / level
+    return margin / _level_measure(rover, now.gravity_m_s2)
+
+
+@cache
+def _feet_and_centre(rover: RoverModel) -> tuple[FloatArray, FloatArray]:
+    """Wheel contacts (m, 3), clockwise from above, and centre of mass (3,) in body axes."""
+    feet = np.array(rover.wheel.positions_m) - [0.0, 0.0, rover.wheel.radius_m]
+    return feet[list(_CLOCKWISE)], np.array(rover.centre_of_mass_b)
+
+
+@cache
+def _level_measure(rover: RoverModel, gravity_m_s2: float) -> float:
+    """The force-angle measure at rest on level ground."""
+    weight = np.array([0.0, 0.0, -rover.mass_kg * gravity_m_s2])
+    return force_angle(*_feet_and_centre(rover), weight, np.zeros(3))
