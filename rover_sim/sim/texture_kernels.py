@@ -1,6 +1,9 @@
 """Compiled samplers of the textures: bilinear or trilinear within a level, blended between two.
 
 Levels follow Williams, "Pyramidal parametrics", SIGGRAPH 1983. Single precision throughout.
+
+Numba watches a compiled function's own file only: after a change here save `shade_kernels` anew, or its stored machine
+code still holds the old samplers.
 """
 
 from __future__ import annotations
