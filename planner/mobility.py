@@ -72,7 +72,8 @@ def follow_path(
     arc, length = _arc_on_path(path_w, position, progress.arc_m)
     to_end = float(np.linalg.norm(path_w[-1] - position))
     left = length - arc
-    if progress.arrived or (to_end < limits.arrival_radius_m and left < 2.0) or (to_end < 1.0 and left < 1e-3):
+    near = min(limits.arrival_radius_m, 0.3 * length) if length > 0.0 else limits.arrival_radius_m
+    if progress.arrived or (to_end < near and left < 2.0) or (to_end < 1.0 and left < 1e-3):
         return STOP, replace(progress, arc_m=arc, arrived=True)
     yaw = euler_from_quaternion(pose.pose.quaternion_w)[2] + (np.pi if reverse else 0.0)
     speed_now = float(np.linalg.norm(pose.velocity_w[:2]))

@@ -193,11 +193,11 @@ def _still_good(
 ) -> bool:
     """Whether the rest (N, 2) of the present way is free, long enough and not much worse than the fresh one."""
     model, models = state.model, state.models
-    length = float(np.linalg.norm(np.diff(rest, axis=0), axis=1).sum())
-    to_goal = [float(np.hypot(*(way[-1] - state.goal_w))) for way in (rest, fresh.waypoints_w)]
     if np.hypot(*(rest[0] - place.position_w)) > model.off_way_m:
         return False
-    if length < model.extend_below_m and to_goal[0] > to_goal[1] + 0.05:
+    ends_at_goal = np.hypot(*(rest[-1] - state.goal_w)) < 0.1
+    whole = 0.0 if state.way is None else _length(state.way.waypoints_w)
+    if not ends_at_goal and _length(rest) < min(model.extend_below_m, 0.5 * whole):
         return False
     need = models.drive.need_m(models.footprint, squeeze=choice.squeeze) - model.wobble_m
     if segment_clearance(table, rest).min(initial=np.inf) < need:
@@ -205,6 +205,10 @@ def _still_good(
     old = way_cost(rest, state.memory, table, place, models)
     new = way_cost(fresh.waypoints_w, state.memory, table, place, models)
     return old < new + model.keep_gain_m + model.keep_share * new
+
+
+def _length(way_w: FloatArray) -> float:
+    return float(np.linalg.norm(np.diff(way_w, axis=0), axis=1).sum())
 
 
 def _rest(way_w: FloatArray, place: FloatArray) -> FloatArray:

@@ -20,11 +20,14 @@ RUNGS: tuple[tuple[Literal["look", "back_up"], float], ...] = (
     ("back_up", 0.8),
     ("look", 60.0),
     ("look", -60.0),
+    ("back_up", 1.2),
     ("look", 120.0),
     ("look", -120.0),
     ("back_up", 1.2),
     ("look", 180.0),
 )
+MOST_BACK_M = 2.0
+ROOM_TO_TURN_RAD = float(np.deg2rad(70.0))
 LEAST_LOOK_RAD = float(np.deg2rad(20.0))
 LEAST_BACK_M = 0.25
 
@@ -64,16 +67,16 @@ def next_manoeuvre(
     if ladder.place_w is None:
         ladder = replace(ladder, place_w=place.position_w, heading_rad=place.heading_rad)
     position = np.asarray(place.position_w)
-    room = backing_room(table_w, memory.cells, position, place.heading_rad, footprint, 1.2)
+    room = backing_room(table_w, memory.cells, position, place.heading_rad, footprint, MOST_BACK_M)
     if ladder.back_first and room >= LEAST_BACK_M:
-        back = Manoeuvre("back_up", "back out of trouble", place.position_w, time_s, distance_m=min(room, 0.8))
-        return back, replace(ladder, back_first=False)
+        return _back(0.8, room, "back out of trouble", table_w, place, footprint, time_s), replace(
+            ladder, back_first=False
+        )
     while ladder.rung < len(RUNGS):
         kind, amount = RUNGS[ladder.rung]
         ladder = replace(ladder, rung=ladder.rung + 1)
         if kind == "back_up" and room >= LEAST_BACK_M:
-            distance = min(room, amount)
-            return Manoeuvre("back_up", "back out", place.position_w, time_s, distance_m=distance), ladder
+            return _back(amount, room, "back out", table_w, place, footprint, time_s), ladder
         if kind == "look":
             turn = _possible_turn(ladder.heading_rad + np.deg2rad(amount), table_w, place, footprint)
             if abs(turn) >= LEAST_LOOK_RAD:
@@ -83,15 +86,30 @@ def next_manoeuvre(
     return None, ladder
 
 
+def _back(
+    least_m: float, room_m: float, reason: str, table_w: FloatArray, place: Place, footprint: Footprint, time_s: float
+) -> Manoeuvre:
+    """Back out by ``least_m``, or farther to where the body has room to turn to either side, as far as ``room_m``."""
+    position = np.asarray(place.position_w)
+    back = -np.array([np.cos(place.heading_rad), np.sin(place.heading_rad)])
+    distance = min(least_m, room_m)
+    while distance < room_m:
+        right, left = turn_range(table_w, position + distance * back, place.heading_rad, footprint)
+        if min(-right, left) >= ROOM_TO_TURN_RAD:
+            break
+        distance = min(distance + 0.2, room_m)
+    return Manoeuvre("back_up", reason, place.position_w, time_s, distance_m=distance)
+
+
 def finished(manoeuvre: Manoeuvre, place: Place, observation: Observation | None, time_s: float) -> bool:
     """Whether a manoeuvre is done: turned there and seen, backed so far, or tried too long."""
-    if time_s - manoeuvre.start_s > 20.0:
+    if time_s - manoeuvre.start_s > 15.0:
         return True
     if manoeuvre.kind == "look":
         there = abs(wrap_angle(manoeuvre.heading_rad - place.heading_rad)) < np.deg2rad(12.0)
         return there and observation is not None
     moved = np.hypot(place.position_w[0] - manoeuvre.start_w[0], place.position_w[1] - manoeuvre.start_w[1])
-    return bool(moved > manoeuvre.distance_m - 0.15)
+    return bool(moved > 0.6 * manoeuvre.distance_m)  # path following ends before the very end
 
 
 def _possible_turn(heading_rad: float, table_w: FloatArray, place: Place, footprint: Footprint) -> float:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from planner.ground_cells import GroundCells, sample
-from planner.obstacle_map import Frame2, distance_to, in_frame, near, segment_clearance
+from planner.obstacle_map import Frame2, in_frame, let_leave, near, segment_clearance
 from worlds.types import BoolArray, FloatArray, Footprint
 
 GAP_M = 0.04  # between body and rock while turning or backing
@@ -43,9 +43,8 @@ def backing_room(
     back = -np.array([np.cos(heading_rad), np.sin(heading_rad)])
     side = np.array([-back[1], back[0]])
     half_length, need = footprint.length_m / 2, footprint.width_m / 2 + GAP_M
-    around = near(table_w, place_w, most_m + 2.5)
     # Rocks beside or under the body now are no news to the way back.
-    around = around[distance_to(around, place_w) > 0.0]
+    around = let_leave(near(table_w, place_w, most_m + 2.5), place_w, need)
     free = 0.0
     for distance in np.arange(0.1, most_m + 1e-9, 0.1):
         rear = place_w + (distance + half_length) * back
