@@ -26,6 +26,7 @@ from worlds.types import BoolArray, ByteArray, Frame, IntArray, Observation, Per
 __all__ = ["ImageRock", "Knowledge", "Perception", "View", "examine", "load_knowledge", "on_ground", "perceive"]
 
 WORKING_SIZE_PX = (320, 240)  # width, height; the paper's picture
+SKYLINE_RATIO = 5.0  # length over thickness; no rock is so flat
 _BLACK = 2  # grey levels up to which a pixel is missing data
 
 
@@ -78,7 +79,7 @@ def examine(image: ByteArray, knowledge: Knowledge, view: View | None = None) ->
     hidden = hidden_mask(grey, lab, view, scale, knowledge)
     soil = soil_reference(lab, hidden, knowledge.soil)
     found = binarize(even_light(lab, soil), soft_grey, soil, hidden, knowledge)
-    blobs, certainty = classify_blobs(grey, found, knowledge)
+    blobs, certainty = classify_blobs(grey, found, hidden, knowledge)
     shape = outlines(blobs, knowledge.rock.round_ratio)
     mask = blobs.labels > 0
     features = window_features(grey, mask, big_rock(blobs, shape, knowledge.rock.big_extent_px), hidden)
@@ -135,12 +136,22 @@ def hidden_mask(
     return np.asarray(hidden | (np.arange(hidden.shape[0])[:, None] + 0.5 < rows))
 
 
-def classify_blobs(grey: ByteArray, found: Binarized, know: Knowledge) -> tuple[Blobs, NDArray[np.float64]]:
+def classify_blobs(
+    grey: ByteArray, found: Binarized, hidden: BoolArray, know: Knowledge
+) -> tuple[Blobs, NDArray[np.float64]]:
     """Blobs that pass for rocks, largest first, and their certainty (R,)."""
     blobs = find_blobs(found.mask, know.binarization.min_area_px)
     certainty = rock_certainty(blob_features(grey, found.score, blobs), know.rock_rules)
-    sure = certainty >= know.rock.min_certainty
+    sure = (certainty >= know.rock.min_certainty) & ~skyline_bands(blobs, hidden)
     return select(blobs, sure), certainty[sure]
+
+
+def skyline_bands(blobs: Blobs, hidden: BoolArray) -> BoolArray:
+    """Which blobs (R,) are strips of far ground under the skyline: they hang on hidden pixels, long and thin."""
+    below = np.zeros_like(hidden)
+    below[1:] = hidden[:-1] & ~hidden[1:]
+    hangs = np.bincount(blobs.labels[below], minlength=len(blobs) + 1)[1:] > 0
+    return np.asarray(hangs & (blobs.variance_px2[:, 0] > SKYLINE_RATIO**2 * blobs.variance_px2[:, 1]))
 
 
 def big_rock(blobs: Blobs, shape: RockOutlines, extent_px: float) -> BoolArray:

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from perception.binarize import clean, close_edges, evidence_tables, threshold_map
 from perception.blobs import find_blobs, select
 from perception.knowledge_base import load_knowledge
+from perception.pipeline import skyline_bands
 from perception.rock_geometry import formation, outlines, probe_sections
 from worlds.types import BoolArray
 
@@ -126,3 +127,15 @@ def test_evidence_tables_hold_the_knots() -> None:
         place = round((value - tables[0, 0]) * tables[0, 1])
         assert tables[0, 2 + int(place)] == pytest.approx(evidence, abs=0.05)
     assert not evidence_tables(KNOW.cues, coloured=False)[1:3, 2:].any()
+
+
+def test_a_strip_under_the_skyline_is_no_rock_but_a_boulder_there_is() -> None:
+    hidden = np.zeros((60, 80), dtype=bool)
+    hidden[:20] = True
+    mask = np.zeros_like(hidden)
+    mask[20:23, 5:45] = True  # hangs on the skyline, thin
+    mask[20:34, 50:65] = True  # hangs on it, stout
+    mask[40:42, 5:45] = True  # thin, but on the ground
+    blobs = find_blobs(mask)
+    bands = skyline_bands(blobs, hidden)
+    assert [tuple(box) for box in blobs.box_px[bands]] == [(5, 20, 40, 3)]

@@ -22,6 +22,8 @@ from worlds.types import FloatArray, World
 
 SLIP_SCALE = 0.6  # slip ratio at the upper end of the colour bar
 MARGIN_M = 3.0
+SURE_M = 0.3  # rocks whose place is less certain are drawn pale
+MAP_WIDTH_IN, MAP_HEIGHT_IN = 8.4, 9.0  # at most
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,7 +32,7 @@ class MapData:
 
     trace: dict[str, NDArray[np.float64]]
     plans: Sequence[FloatArray]  # each (N, 2), in the order they were sent
-    perceived: FloatArray  # (M, 3): x, y, diameter of the remembered rocks
+    perceived: FloatArray  # (M, 4): x, y, diameter and one sigma of the place of the remembered rocks
     title: str
 
 
@@ -69,14 +71,17 @@ def _draw_driven(axes: Axes, data: MapData) -> Any:
 
 def _draw_belief(axes: Axes, data: MapData) -> None:
     """What the rover believed: remembered rocks as circles, the plans as thin lines, the last one bold."""
-    circles = [Circle((x, y), max(diameter, 0.05) / 2) for x, y, diameter in data.perceived]
-    axes.add_collection(PatchCollection(circles, facecolor="none", edgecolor="deepskyblue", linewidths=1.0, zorder=5))
+    for placed, alpha in ((True, 1.0), (False, 0.35)):
+        chosen = data.perceived[(data.perceived[:, 3] < SURE_M) == placed]
+        circles = [Circle((x, y), max(diameter, 0.05) / 2) for x, y, diameter, _ in chosen]
+        rings = PatchCollection(circles, facecolor="none", edgecolor="deepskyblue", alpha=alpha, zorder=5)
+        axes.add_collection(rings)
     for plan in data.plans[:-1]:
         axes.plot(plan[:, 0], plan[:, 1], color="white", linewidth=0.5, alpha=0.45, zorder=4)
     for plan in data.plans[-1:]:
         axes.plot(plan[:, 0], plan[:, 1], color="white", marker="o", markersize=3, linewidth=1.2, zorder=5)
     handles = [
-        Line2D([], [], marker="o", linestyle="", markerfacecolor="none", color="deepskyblue", label="rock perceived"),
+        Line2D([], [], marker="o", linestyle="", markerfacecolor="none", color="deepskyblue", label="rock perceived (pale: place uncertain)"),
         Line2D([], [], color="white", linewidth=1.2, label="path planned"),
         Line2D([], [], color="darkviolet", linewidth=2.6, label="path driven (colour: slip)"),
     ]
@@ -99,8 +104,10 @@ def _draw_profile(axes: Axes, data: MapData) -> None:
 def run_figure(world: World, data: MapData) -> Figure:
     """The figure: the map above, slip and tilt along the way below."""
     left, right, bottom, top = _extent(data, world)
-    figure = Figure(figsize=(10, min(12.0, 3.2 + 8.6 * (top - bottom) / (right - left))), layout="constrained")
-    map_axes, profile_axes = figure.subplots(2, 1, height_ratios=(5, 1))
+    shape = (top - bottom) / (right - left)
+    width = min(MAP_WIDTH_IN, MAP_HEIGHT_IN / shape)
+    figure = Figure(figsize=(max(6.5, width + 1.6), width * shape + 2.7), layout="constrained")
+    map_axes, profile_axes = figure.subplots(2, 1, height_ratios=(width * shape, 1.6))
     draw_ground(map_axes, world)
     _draw_belief(map_axes, data)
     bar = figure.colorbar(_draw_driven(map_axes, data), ax=map_axes, shrink=0.8, pad=0.01)
