@@ -68,14 +68,14 @@ def main() -> None:
     hidden = np.zeros(grey.shape, dtype=bool)
     soil = soil_reference(lab, hidden, knowledge.soil)
     found = binarize(lab, soft, soil, hidden, knowledge)
-    blobs, _ = classify_blobs(grey, found, knowledge)
+    blobs, _ = classify_blobs(grey, found, hidden, knowledge)
     features = window_features(grey, found.mask, found.mask, hidden)
     parts: dict[str, Callable[[], object]] = {
         "whole frame": lambda: perceive(frame, knowledge),
         "low-pass and colour": lambda: smoothed(picture, 1.0),
         "soil reference": lambda: soil_reference(lab, hidden, knowledge.soil),
         "binarize": lambda: binarize(lab, soft, soil, hidden, knowledge),
-        "blobs and certainty": lambda: classify_blobs(grey, found, knowledge),
+        "blobs and certainty": lambda: classify_blobs(grey, found, hidden, knowledge),
         "outlines": lambda: outlines(blobs, 1.25),
         "window features": lambda: window_features(grey, found.mask, found.mask, hidden),
         "terrain rules": lambda: classify(features, knowledge.terrain_rules),
