@@ -2,44 +2,72 @@
 
 from __future__ import annotations
 
-import numpy as np
+from math import acos, sqrt
 
-from worlds.types import FloatArray
+from numba import njit
+
+from worlds.types import FloatArray, Vector3
 
 
+@njit(cache=True)
 def force_angle(contacts: FloatArray, centre: FloatArray, force: FloatArray, moment: FloatArray) -> float:
     """Smallest of angle x lever x force over the tip-over axes, N m; negative while the rover tips.
 
     ``contacts`` (m, 3) clockwise seen from above; ``centre`` (3,) of mass; ``force`` and ``moment`` (3,) on the
-    vehicle without the ground's reactions (gravity minus mass times acceleration).
+    vehicle without the ground's reactions (gravity minus mass times acceleration, and pushes from outside).
     """
-    ends = np.roll(contacts, -1, axis=0)
-    axis = _unit(ends - contacts)
-    lever = ends - centre
-    lever = lever - axis * _dot(axis, lever)
-    distance = np.sqrt(_dot(lever, lever))
-    unit = lever / distance
-    total = force - axis * (axis @ force)[:, None] + _cross(unit, axis * (axis @ moment)[:, None]) / distance
-    size = np.sqrt(_dot(total, total))
-    if size.min() < 1e-9:
+    count = contacts.shape[0]
+    least = 1e300
+    for i in range(count):
+        j = (i + 1) % count
+        axis = _unit(
+            (contacts[j, 0] - contacts[i, 0], contacts[j, 1] - contacts[i, 1], contacts[j, 2] - contacts[i, 2])
+        )
+        lever = _across(axis, (contacts[j, 0] - centre[0], contacts[j, 1] - centre[1], contacts[j, 2] - centre[2]))
+        push = _across(axis, (force[0], force[1], force[2]))
+        turning = axis[0] * moment[0] + axis[1] * moment[1] + axis[2] * moment[2]
+        measure = _about_axis(axis, lever, push, turning)
+        least = min(least, measure)
+    return least
+
+
+@njit(cache=True)
+def _about_axis(axis: Vector3, lever: Vector3, push: Vector3, turning: float) -> float:
+    """The measure of one axis; ``lever`` from the centre of mass to it, ``push`` across it, ``turning`` about it."""
+    distance = sqrt(_dot(lever, lever))
+    unit = (lever[0] / distance, lever[1] / distance, lever[2] / distance)
+    couple = _cross(unit, axis)
+    share = turning / distance
+    total = (push[0] + share * couple[0], push[1] + share * couple[1], push[2] + share * couple[2])
+    size = sqrt(_dot(total, total))
+    if size < 1e-9:
         return 0.0
-    direction = total / size
-    arm = _dot(lever, direction) * direction - lever
-    angle = np.arccos(np.clip(_dot(direction, unit), -1.0, 1.0))
-    sign = np.where(_dot(_cross(direction, unit), axis) > 0, 1.0, -1.0)
-    return float((sign * angle * np.sqrt(_dot(arm, arm)) * size).min())
+    direction = (total[0] / size, total[1] / size, total[2] / size)
+    along = _dot(lever, direction)
+    arm = (direction[0] * along - lever[0], direction[1] * along - lever[1], direction[2] * along - lever[2])
+    angle = acos(max(-1.0, min(1.0, _dot(direction, unit))))
+    sign = 1.0 if _dot(_cross(direction, unit), axis) > 0.0 else -1.0
+    return sign * angle * sqrt(_dot(arm, arm)) * size
 
 
-def _dot(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Row by row (m, 1)."""
-    return np.asarray(np.einsum("ij,ij->i", a, b)[:, None])
+@njit(cache=True)
+def _dot(a: Vector3, b: Vector3) -> float:
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-def _unit(a: FloatArray) -> FloatArray:
-    return np.asarray(a / np.sqrt(_dot(a, a)))
+@njit(cache=True)
+def _cross(a: Vector3, b: Vector3) -> Vector3:
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
-def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Row by row (m, 3); numpy's own costs four times as much on so few rows."""
-    (ax, ay, az), (bx, by, bz) = a.T, b.T
-    return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=1)
+@njit(cache=True)
+def _unit(a: Vector3) -> Vector3:
+    size = sqrt(_dot(a, a))
+    return a[0] / size, a[1] / size, a[2] / size
+
+
+@njit(cache=True)
+def _across(axis: Vector3, a: Vector3) -> Vector3:
+    """The part of ``a`` across a unit ``axis``."""
+    along = _dot(axis, a)
+    return a[0] - along * axis[0], a[1] - along * axis[1], a[2] - along * axis[2]
