@@ -116,7 +116,7 @@ def test_turning_in_place_absolute_and_relative() -> None:
 
 def test_holding_and_waiting_take_their_time() -> None:
     drive = Drive()
-    drive.begin(DriveTo((0.1, 0.0, 0.0), hold_s=2.0), Wait(3.0))
+    drive.begin(DriveTo((0.0, 0.0, 0.0), hold_s=2.0), Wait(3.0))
     start = drive.rover.time_s
     drive.until(drive.complete)
     assert drive.rover.time_s - start == pytest.approx(5.0, abs=0.1)
