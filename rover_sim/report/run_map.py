@@ -23,6 +23,7 @@ from worlds.types import FloatArray, World
 SLIP_SCALE = 0.6  # slip ratio at the upper end of the colour bar
 MARGIN_M = 3.0
 SURE_M = 0.3  # rocks whose place is less certain are drawn pale
+PERCEIVED = "rock perceived (pale: place uncertain)"
 MAP_WIDTH_IN, MAP_HEIGHT_IN = 8.4, 9.0  # at most
 
 
@@ -81,7 +82,7 @@ def _draw_belief(axes: Axes, data: MapData) -> None:
     for plan in data.plans[-1:]:
         axes.plot(plan[:, 0], plan[:, 1], color="white", marker="o", markersize=3, linewidth=1.2, zorder=5)
     handles = [
-        Line2D([], [], marker="o", linestyle="", markerfacecolor="none", color="deepskyblue", label="rock perceived (pale: place uncertain)"),
+        Line2D([], [], marker="o", linestyle="", markerfacecolor="none", color="deepskyblue", label=PERCEIVED),
         Line2D([], [], color="white", linewidth=1.2, label="path planned"),
         Line2D([], [], color="darkviolet", linewidth=2.6, label="path driven (colour: slip)"),
     ]
