@@ -14,6 +14,8 @@ from worlds.scenario import (
     Obstacle,
     RoverChoice,
     Scenario,
+    SoilChoice,
+    SoilPatch,
     Terrain,
     check_scenario,
     dump_scenario,
@@ -79,7 +81,7 @@ def test_dump_has_every_key_and_loads_to_an_equal_scenario(tmp_path: Path) -> No
         assert load_text(tmp_path, text) == scenario
         for key in LIMITS:
             leaf = key.split(".")[-1]
-            assert key.startswith("obstacle") or f"{leaf} =" in text or f"# {leaf} is not set" in text
+            assert key.startswith(("obstacle", "soil.patch")) or f"{leaf} =" in text or f"# {leaf} is not set" in text
 
 
 @given(
@@ -100,7 +102,9 @@ def test_any_scenario_survives_the_round_trip(name: str, x: float, yaw: float, g
 def test_every_number_has_a_range() -> None:
     terrain = Terrain(crop_m=(0.0, 0.0, 1.0, 1.0), height_range_m=(0.0, 1.0))
     obstacle = Obstacle(kind="rock", position_m=(0.0, 0.0), radius_m=1.0, height_m=1.0)
-    assert numeric_keys(Scenario(name="x", terrain=terrain, obstacle=(obstacle,))) == set(LIMITS)
+    patch = SoilPatch(kind="disc", preset="firm", position_m=(0.0, 0.0), radius_m=1.0, size_m=(1.0, 1.0))
+    scenario = Scenario(name="x", terrain=terrain, obstacle=(obstacle,), soil=SoilChoice(patch=(patch,)))
+    assert numeric_keys(scenario) == set(LIMITS)
 
 
 @pytest.mark.parametrize(

@@ -15,8 +15,9 @@ from worlds.rock_field import MESH_MIN_DIAMETER_M, RockField, draw_rock_field, i
 from worlds.rock_mesh import COLLISION_LEVELS, PICTURE_LEVELS, cylinder_meshes, join, rock_meshes
 from worlds.rock_shape import base_extents, rock_shape
 from worlds.rock_sizes import expected_number
-from worlds.scenario import MAP_MARGIN_M, Obstacle, Scenario, check_scenario, resolve_terrain_path
-from worlds.soil import soil_preset
+from worlds.scenario import MAP_MARGIN_M, Obstacle, Scenario, check_scenario, resolve_paths
+from worlds.soil_file import load_soil
+from worlds.soil_map import lay_soils
 from worlds.synthesis import synthesise
 from worlds.types import Cylinder, FloatArray, HeightField, Pose, Rock, World
 
@@ -43,8 +44,8 @@ def build_world(scenario: Scenario, seed: int, *, base_dir: Path | None = None, 
     source = source or f"scenario {scenario.name}"
     if seed < 0:
         raise ScenarioError(f"{source}: seed = {seed}: allowed are whole numbers from 0")
+    scenario = resolve_paths(scenario, base_dir or Path.cwd())
     check_scenario(scenario, source)
-    scenario = resolve_terrain_path(scenario, base_dir or Path.cwd())
     bare = bare_ground(scenario, seed, source)
     _check_places(scenario, bare, source)
     field = random_rocks(scenario, bare, seed, source)
@@ -72,9 +73,10 @@ def build_world(scenario: Scenario, seed: int, *, base_dir: Path | None = None, 
         cylinders=cylinders,
         picture_mesh=meshes[0],
         collision_mesh=meshes[1],
-        soil=soil_preset(scenario.soil.preset),
+        soil=load_soil(scenario.soil.preset),
         start=Pose(np.array(start), heading),
         goal_w=goal,
+        soil_map=lay_soils(scenario, ground, source),
     )
 
 

@@ -8,10 +8,11 @@ from typing import Literal
 import msgspec
 
 from worlds.errors import ScenarioError
-from worlds.soil import soil_preset
+from worlds.soil_file import is_soil_file, load_soil
 from worlds.strict_toml import check_limits, convert_table, dump_toml, read_table
 
 MAX_CELLS = 6_000_000  # memory and start-up time: eight bytes a cell in every copy of the heights
+MAX_PATCHES = 200  # of soil
 MAP_MARGIN_M = 1.0  # start and goal stay this far inside the map, so that a rover fits on it
 
 _SHIPPED = Path(__file__).parent / "scenarios"
@@ -59,10 +60,23 @@ class Obstacle(_Table, frozen=True):
     yaw_deg: float = 0.0
 
 
+class SoilPatch(_Table, frozen=True):
+    """Another soil within a disc, or within a rectangle whose length lies along ``yaw_deg``."""
+
+    kind: Literal["rectangle", "disc"]
+    preset: str
+    position_m: tuple[float, float]  # of its middle
+    radius_m: float | None = None  # of a disc
+    size_m: tuple[float, float] | None = None  # length and width of a rectangle
+    yaw_deg: float = 0.0
+
+
 class SoilChoice(_Table, frozen=True):
-    """Which soil the wheels meet."""
+    """Which soil the wheels meet; a preset's name or a soil file, relative to this one."""
 
     preset: str = "mars_sand"
+    ruts: bool = True  # wheels leave ruts, and meet compacted soil where there is one
+    patch: tuple[SoilPatch, ...] = ()
 
 
 class RoverChoice(_Table, frozen=True):
@@ -155,6 +169,10 @@ LIMITS: dict[str, tuple[float, float]] = {
     "obstacle.height_m": (0.01, 20.0),
     "obstacle.formation": (0, 9),
     "obstacle.yaw_deg": (-360.0, 360.0),
+    "soil.patch.position_m": (-1e5, 1e5),
+    "soil.patch.radius_m": (0.05, 1e4),
+    "soil.patch.size_m": (0.05, 1e4),
+    "soil.patch.yaw_deg": (-360.0, 360.0),
     "rover.start_m": (-1e5, 1e5),
     "rover.heading_deg": (-360.0, 360.0),
     "goal.position_m": (-1e5, 1e5),
@@ -181,7 +199,7 @@ def shipped_scenarios() -> tuple[str, ...]:
 
 
 def load_scenario(name_or_path: str) -> Scenario:
-    """The scenario of a shipped name or of a TOML file; ``terrain.path`` comes back absolute.
+    """The scenario of a shipped name or of a TOML file; the files that it names come back absolute.
 
     Raises `ScenarioError` with one line that names the file, the key, its value and what is allowed.
     """
@@ -190,8 +208,9 @@ def load_scenario(name_or_path: str) -> Scenario:
         shipped = ", ".join(shipped_scenarios())
         raise ScenarioError(f"{name_or_path}: no such scenario file; shipped scenarios are {shipped}")
     scenario = convert_table(read_table(path), Scenario, str(path))
+    scenario = resolve_paths(scenario, path.parent)
     check_scenario(scenario, str(path))
-    return resolve_terrain_path(scenario, path.parent)
+    return scenario
 
 
 def dump_scenario(scenario: Scenario) -> str:
@@ -199,12 +218,19 @@ def dump_scenario(scenario: Scenario) -> str:
     return dump_toml(scenario)
 
 
-def resolve_terrain_path(scenario: Scenario, base_dir: Path) -> Scenario:
-    """The scenario with ``terrain.path`` taken relative to ``base_dir`` and made absolute."""
-    if scenario.terrain.path is None:
-        return scenario
-    absolute = str((base_dir / scenario.terrain.path).resolve())
-    return msgspec.structs.replace(scenario, terrain=msgspec.structs.replace(scenario.terrain, path=absolute))
+def resolve_paths(scenario: Scenario, base_dir: Path) -> Scenario:
+    """The scenario with the files that it names, elevation and soils, taken relative to ``base_dir``, absolute."""
+    replace = msgspec.structs.replace
+
+    def soil_path(preset: str) -> str:
+        return str((base_dir / preset).resolve()) if is_soil_file(preset) else preset
+
+    terrain, soil = scenario.terrain, scenario.soil
+    if terrain.path is not None:
+        terrain = replace(terrain, path=str((base_dir / terrain.path).resolve()))
+    patches = tuple(replace(patch, preset=soil_path(patch.preset)) for patch in soil.patch)
+    soil = replace(soil, preset=soil_path(soil.preset), patch=patches)
+    return replace(scenario, terrain=terrain, soil=soil)
 
 
 def check_scenario(scenario: Scenario, source: str) -> None:
@@ -219,10 +245,7 @@ def check_scenario(scenario: Scenario, source: str) -> None:
         )
     if not rocks.formations:
         raise ScenarioError(f"{source}: rocks.formations = []: must name at least one of 0 to 9")
-    try:
-        soil_preset(scenario.soil.preset)
-    except ScenarioError as error:
-        raise ScenarioError(f"{source}: {error}") from error
+    _check_soils(scenario.soil, source)
     if scenario.terrain.kind != "dem":
         _check_on_map(scenario, source)
 
@@ -239,6 +262,23 @@ def _check_terrain(terrain: Terrain, source: str) -> None:
             f"{source}: terrain.height_range_m = {list(terrain.height_range_m)}: must be [lowest, highest]"
         )
     check_cells(terrain.size_m, terrain.resolution_m, source)
+
+
+def _check_soils(soil: SoilChoice, source: str) -> None:
+    """Raise a `ScenarioError` for an unknown or impossible soil, and for a patch without its measures."""
+    for preset in (soil.preset, *(patch.preset for patch in soil.patch)):
+        try:
+            load_soil(preset)
+        except ScenarioError as error:
+            raise ScenarioError(f"{source}: {error}") from error
+    for number, patch in enumerate(soil.patch):
+        needed, other = ("radius_m", "size_m") if patch.kind == "disc" else ("size_m", "radius_m")
+        if getattr(patch, needed) is None:
+            raise ScenarioError(f"{source}: soil.patch[{number}].{needed}: this key is required for a {patch.kind}")
+        if getattr(patch, other) is not None:
+            raise ScenarioError(f"{source}: soil.patch[{number}].{other}: a {patch.kind} has {needed} instead")
+    if len(soil.patch) > MAX_PATCHES:
+        raise ScenarioError(f"{source}: soil.patch: {len(soil.patch)} patches; allowed are {MAX_PATCHES}")
 
 
 def check_cells(size_m: tuple[float, float], resolution_m: float, source: str) -> None:

@@ -30,6 +30,7 @@ class Soil:
     stress_peak_slip: float = 0.15  # a1: growth of that share with slip
     damping_ratio: float = 0.5  # of the shear spring that holds a parked wheel
     unit_weight_N_m3: float = 15000.0  # on Earth; for bulldozing
+    reload_share: float = 0.1  # of the depth of a rut, over which its floor regains the pressure that made it
     source: str = ""
     calibrated: tuple[str, ...] = ()  # fields that were fitted or filled in, not read in the source
 

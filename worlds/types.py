@@ -222,6 +222,14 @@ class Footprint:
 
 
 @dataclass(frozen=True, eq=False)
+class SoilMap:
+    """Which soil lies at each sample of the ground's grid; the nearest sample speaks for a point."""
+
+    soils: tuple[Soil, ...]  # the first is the world's main soil
+    index: ByteArray  # (ny, nx) into ``soils``
+
+
+@dataclass(frozen=True, eq=False)
 class World:
     """Everything that is true of one scenario and seed."""
 
@@ -235,3 +243,4 @@ class World:
     soil: Soil
     start: Pose  # on the ground under the rover, turned to its heading only
     goal_w: Vector3
+    soil_map: SoilMap | None = None  # None where ``soil`` lies everywhere
