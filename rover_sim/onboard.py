@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from rover_sim.mavlink.geodesy import LocalFrame
 from rover_sim.mavlink.plan_items import backing_items, mission_items
 from rover_sim.mavlink.uploader import Upload, UploadState
 from rover_sim.mavlink.wire import WireItem
+from rover_sim.summary import Counts
 from worlds.types import FloatArray, Frame, PoseEstimate, Vector3
 
 CRUISE_M_S = 0.6
@@ -33,24 +34,13 @@ class Sight:
     decision: Decision
 
 
-@dataclass(eq=False)
-class Tally:
-    """What was done so far."""
-
-    frames: int = 0
-    plans: int = 0
-    missions_sent: int = 0
-    waypoints_sent: int = 0
-    failsafe_stops: int = 0
-
-
 class OnboardComputer:
     """Decides at each picture, and sees to it at each tick that the vehicle does what was decided."""
 
     def __init__(
         self, companion: Companion, local: LocalFrame, home_w: Vector3, plan: NavigatorState, knowledge: Knowledge
     ) -> None:
-        self.tally = Tally()
+        self.counts = Counts()
         self.ways_w: list[FloatArray] = []  # of the drive missions sent
         self.plan = plan
         self.stop_text = ""  # of the last fail-safe stop
@@ -79,8 +69,8 @@ class OnboardComputer:
         perception = perceive(frame, self._knowledge)
         before = self._decision
         self.plan, decision = navigator.step(self.plan, perception.observation, estimate, time_s)
-        self.tally.frames += 1
-        self.tally.plans += decision.kind != "drive" or decision.changed
+        planned = decision.kind != "drive" or decision.changed
+        self.counts = replace(self.counts, frames=self.counts.frames + 1, plans=self.counts.plans + planned)
         self._decision = decision
         if not self._taken_over and (before is None or self._upload_failed() or _is_new(before, decision)):
             self._send(decision, estimate, time_s)
@@ -127,12 +117,12 @@ class OnboardComputer:
         speed = CRUISE_M_S * (1.0 - RISK_SLOWING * decision.risk)
         self._drive(mission_items(places, self._local, self._home_w, round(speed, 2)), time_s)
         self.ways_w.append(np.asarray(decision.waypoints_w))
-        self.tally.waypoints_sent += len(places)
+        self.counts = replace(self.counts, waypoints_sent=self.counts.waypoints_sent + len(places))
 
     def _drive(self, items: list[WireItem], time_s: float) -> None:
         self._upload = self._companion.drive(items, time_s)
         self._want(Mode.AUTO)
-        self.tally.missions_sent += 1
+        self.counts = replace(self.counts, missions_sent=self.counts.missions_sent + 1)
 
     def _want(self, mode: Mode) -> None:
         self._wanted_mode, self._confirmed = mode, self._companion.status.mode == mode
@@ -161,7 +151,7 @@ class OnboardComputer:
         place = np.asarray(estimate.pose.position_w[:2])
         near = self._stop_place_w is not None and float(np.linalg.norm(place - self._stop_place_w)) < PROGRESS_M
         self._stops_here = self._stops_here + 1 if near else 1
-        self.tally.failsafe_stops += 1
+        self.counts = replace(self.counts, failsafe_stops=self.counts.failsafe_stops + 1)
         if not near:
             self._stop_place_w = place
         self.plan = navigator.note_trouble(self.plan, estimate)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Self
 
@@ -24,7 +24,7 @@ from rover_sim.sim.renderer import add_noise, make_renderer
 from rover_sim.sim.rover import RoverModel
 from rover_sim.sim.simulation import Simulation
 from rover_sim.sim.vehicle_state import VehicleState
-from rover_sim.summary import Counts, Identity, summarize
+from rover_sim.summary import Identity, summarize
 from worlds.geometry import camera_pose
 from worlds.types import Frame, World
 
@@ -114,7 +114,7 @@ class Traverse:
 
     def summary(self, reason: Reason, detail: str, *, wall_time_s: float) -> dict[str, Any]:
         """The summary of what was driven so far."""
-        scenario, sent = self.world.scenario, asdict(self.onboard.tally)
+        scenario = self.world.scenario
         return summarize(
             self.recorder.arrays(),
             Identity(
@@ -124,7 +124,7 @@ class Traverse:
                 goal_w=scenario.goal.position_m,
                 wheel_radius_m=self._footprint.wheel_radius_m,
             ),
-            Counts(collisions=self._judge.collisions, **sent),
+            replace(self.onboard.counts, collisions=self._judge.collisions),
             reason,
             wall_time_s=wall_time_s,
             ttam=self._classes.ttam(),
