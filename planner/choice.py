@@ -160,7 +160,7 @@ def _towards(
         place.heading_rad,
         models.drive.need_m(models.footprint, squeeze=squeeze),
         end_cost,
-        turn_range(table_w, position, place.heading_rad, models.footprint),
+        turn_range(table_w, memory.cells, position, place.heading_rad, models.footprint),
     )
     return search(table_w, memory.cells, task, models.drive, models.rows)
 

@@ -61,7 +61,7 @@ def goal_field(
     need_m: float,
     drive: DriveModel,
 ) -> GoalField:
-    """Field around ``place_w`` (2,) of the cost to reach within ``goal_radius_m`` of ``goal_w`` (2,)."""
+    """Field around ``place_w`` (2,) of the cost to get well inside ``goal_radius_m`` of ``goal_w`` (2,)."""
     low = place_w - HALF_SIZE_M
     count = round(2 * HALF_SIZE_M / STEP_M) + 1
     high = low + STEP_M * (count - 1)
@@ -74,7 +74,7 @@ def goal_field(
     cost = 1.0 + HILL_COST * grid.hill + NEAR_COST * close**2 + np.where(seen, 0.4 * rough, UNSEEN_COST)
     cost[grid.clearance_m < need_m] = np.inf
     distance = np.linalg.norm(places - goal_w, axis=-1)
-    seeds = np.where((distance <= max(goal_radius_m, STEP_M)) & np.isfinite(cost), distance, np.inf)
+    seeds = np.where((distance <= max(0.7 * goal_radius_m, STEP_M)) & np.isfinite(cost), distance, np.inf)
     if np.any(np.abs(goal_w - place_w) > HALF_SIZE_M - STEP_M):
         border = np.zeros((count, count), dtype=bool)
         border[[0, -1], :] = border[:, [0, -1]] = True

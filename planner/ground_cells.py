@@ -16,6 +16,8 @@ from worlds.types import BoolArray, FloatArray, Observation, TerrainClass
 Index = NDArray[np.intp]
 CELL_M = 0.25
 CELLS = 192  # 48 m
+CAMERA_HEIGHT_M = 1.1  # for the length of what a rock hides; a lower camera hides more
+HIDING_HEIGHT_M = 0.15
 ROUGHNESS = {
     TerrainClass.SAND: 0.0,
     TerrainClass.VERY_SMALL_ROCKS: 0.15,
@@ -47,6 +49,8 @@ def note_view(cells: GroundCells, observation: Observation, viewpoint_w: FloatAr
     if len(outline) < 3:
         return cells
     rows, columns, centres = _cells_inside(cells, outline)
+    open_ = ~_shadowed(observation, viewpoint_w, centres)
+    rows, columns, centres = rows[open_], columns[open_], centres[open_]
     if len(rows) == 0:
         return cells
     seen = cells.seen.copy()
@@ -117,6 +121,24 @@ def _cells_inside(cells: GroundCells, outline: FloatArray) -> tuple[Index, Index
     centres = cells.origin_w + CELL_M * (np.stack([columns, rows], axis=1) + 0.5)
     inside = inside_polygon(outline, centres)
     return rows[inside], columns[inside], centres[inside]
+
+
+def _shadowed(observation: Observation, viewpoint_w: FloatArray, places_w: FloatArray) -> BoolArray:
+    """Which places (N, 2) lie behind a rock of the observation, as far as it hides the ground from the camera."""
+    rocks = [rock for rock in observation.rocks if rock.height_m > HIDING_HEIGHT_M]
+    if not rocks or len(places_w) == 0:
+        return np.zeros(len(places_w), dtype=bool)
+    sight = np.array([rock.position_w[:2] for rock in rocks]) - viewpoint_w
+    height = np.array([rock.height_m for rock in rocks])
+    half_width = 0.5 * np.array([rock.width_m for rock in rocks])
+    distance = np.linalg.norm(sight, axis=1)
+    towards = sight / np.maximum(distance, 1e-6)[:, None]
+    offset = places_w - viewpoint_w
+    along, across = offset @ towards.T, offset @ np.stack([-towards[:, 1], towards[:, 0]])
+    reach = distance * np.minimum(CAMERA_HEIGHT_M / np.maximum(CAMERA_HEIGHT_M - height, 0.05), 4.0)
+    behind = (along > distance + half_width) & (along < reach)
+    hidden: BoolArray = np.any(behind & (np.abs(across) < half_width * along / np.maximum(distance, 1e-6)), axis=1)
+    return hidden
 
 
 def _roughness_at(observation: Observation, places_w: FloatArray) -> tuple[FloatArray, BoolArray]:

@@ -17,6 +17,7 @@ from worlds.geometry import euler_from_quaternion, rotation_from_quaternion
 from worlds.types import FloatArray, Footprint, Observation, PoseEstimate
 
 LEAST_WAY_M = 0.3  # a shorter way ends where the rover stands, as path following sees it
+START_CLEAR_M = 1.0  # the rover is set down on ground where it has room to turn
 Kind = Literal["drive", "look", "back_up", "arrived", "no_path"]
 
 
@@ -30,7 +31,7 @@ class NavigatorModel:
     extend_below_m: float = 3.8  # a way that ends sooner, and not at the goal, is renewed
     off_way_m: float = 0.45
     wobble_m: float = 0.05  # a rock that moves so much into a way does not break it
-    arrival_share: float = 0.8  # of the goal's radius
+    arrival_share: float = 0.9  # of the goal's radius
     patience_m: float = 40.0  # driven without getting nearer, beside twice the first distance
     progress_m: float = 1.5  # away from the last recovery: the ladder starts anew
 
@@ -88,7 +89,9 @@ def begin(
     model: NavigatorModel | None = None,
 ) -> NavigatorState:
     """State of a navigator that has seen nothing."""
-    memory = empty_memory(np.asarray(start_w, dtype=float))
+    start = np.asarray(start_w, dtype=float)
+    memory = empty_memory(start)
+    memory = replace(memory, cells=mark_driven(memory.cells, start, START_CLEAR_M))
     return NavigatorState(
         models or Models(footprint),
         model or NavigatorModel(),
@@ -114,8 +117,14 @@ def step(
         return _ended(state, Decision("no_path", f"{state.travelled_m - state.best_at_m:.0f} m without getting nearer"))
     if state.manoeuvre is not None and not finished(state.manoeuvre, place, observation, time_s):
         return state, _as_decision(state.manoeuvre)
-    state = replace(state, manoeuvre=None)
+    return _decide(replace(state, manoeuvre=None), place, time_s)
+
+
+def _decide(state: NavigatorState, place: Place, time_s: float) -> tuple[NavigatorState, Decision]:
+    """A way if there is one, else a rung of the ladder."""
     table = _table(state)
+    if state.ladder.back_first:
+        return _recover(state, None, table, place, time_s)
     choice = choose(state.memory, table, place, state.models, detour=state.detour)
     if choice.way is not None and choice.way.length_m > LEAST_WAY_M:
         return _drive(state, choice, table, place)
@@ -136,7 +145,7 @@ def _take_in(state: NavigatorState, observation: Observation | None, estimate: P
     memory = state.memory
     if observation is not None:
         memory = remember(memory, observation, place, state.model.memory)
-    memory = replace(memory, cells=mark_driven(memory.cells, place, 0.6))
+    memory = replace(memory, cells=mark_driven(memory.cells, place, 0.4))
     moved = 0.0 if state.place_w is None else float(np.hypot(*(place - state.place_w)))
     travelled = state.travelled_m + moved
     distance = float(np.hypot(*(place - state.goal_w)))
@@ -221,15 +230,17 @@ def _rest(way_w: FloatArray, place: FloatArray) -> FloatArray:
 
 
 def _recover(
-    state: NavigatorState, choice: Choice, table: FloatArray, place: Place, time_s: float
+    state: NavigatorState, choice: Choice | None, table: FloatArray, place: Place, time_s: float
 ) -> tuple[NavigatorState, Decision]:
     """The next rung of the ladder: look to a side, back out, and at its end give up."""
     manoeuvre, ladder = next_manoeuvre(state.ladder, state.memory, table, place, state.models.footprint, time_s)
     state = replace(state, way=None, ladder=ladder, detour=True, manoeuvre=manoeuvre)
     if manoeuvre is None:
-        why = "rocks enclose the goal or the rover" if choice.enclosed else "no free row in any direction"
+        enclosed = choice is not None and choice.enclosed
+        why = "rocks enclose the goal or the rover" if enclosed else "no free row in any direction"
         return _ended(state, Decision("no_path", f"{why}; looked around and backed out in vain"))
-    return state, _as_decision(replace(manoeuvre, reason=f"{choice.reason}: {manoeuvre.reason}"))
+    reason = manoeuvre.reason if choice is None else f"{choice.reason}: {manoeuvre.reason}"
+    return state, _as_decision(replace(manoeuvre, reason=reason))
 
 
 def _as_decision(manoeuvre: Manoeuvre) -> Decision:

@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 
 from planner.choice import Place
+from planner.ground_cells import GroundCells
 from planner.room import backing_room, turn_range
 from planner.terrain_map import TerrainMemory
 from worlds.geometry import wrap_angle
@@ -20,10 +21,10 @@ RUNGS: tuple[tuple[Literal["look", "back_up"], float], ...] = (
     ("back_up", 0.8),
     ("look", 60.0),
     ("look", -60.0),
-    ("back_up", 1.2),
+    ("back_up", 1.6),
     ("look", 120.0),
     ("look", -120.0),
-    ("back_up", 1.2),
+    ("back_up", 2.0),
     ("look", 180.0),
 )
 MOST_BACK_M = 2.0
@@ -68,17 +69,17 @@ def next_manoeuvre(
         ladder = replace(ladder, place_w=place.position_w, heading_rad=place.heading_rad)
     position = np.asarray(place.position_w)
     room = backing_room(table_w, memory.cells, position, place.heading_rad, footprint, MOST_BACK_M)
-    if ladder.back_first and room >= LEAST_BACK_M:
-        return _back(0.8, room, "back out of trouble", table_w, place, footprint, time_s), replace(
-            ladder, back_first=False
-        )
+    if ladder.back_first:
+        ladder = replace(ladder, back_first=False)
+        if room >= LEAST_BACK_M:
+            return _back(0.8, room, "back out of trouble", table_w, memory.cells, place, footprint, time_s), ladder
     while ladder.rung < len(RUNGS):
         kind, amount = RUNGS[ladder.rung]
         ladder = replace(ladder, rung=ladder.rung + 1)
         if kind == "back_up" and room >= LEAST_BACK_M:
-            return _back(amount, room, "back out", table_w, place, footprint, time_s), ladder
+            return _back(amount, room, "back out", table_w, memory.cells, place, footprint, time_s), ladder
         if kind == "look":
-            turn = _possible_turn(ladder.heading_rad + np.deg2rad(amount), table_w, place, footprint)
+            turn = _possible_turn(ladder.heading_rad + np.deg2rad(amount), table_w, memory.cells, place, footprint)
             if abs(turn) >= LEAST_LOOK_RAD:
                 side = "left" if turn > 0 else "right"
                 heading = wrap_angle(place.heading_rad + turn)
@@ -87,14 +88,21 @@ def next_manoeuvre(
 
 
 def _back(
-    least_m: float, room_m: float, reason: str, table_w: FloatArray, place: Place, footprint: Footprint, time_s: float
+    least_m: float,
+    room_m: float,
+    reason: str,
+    table_w: FloatArray,
+    cells: GroundCells,
+    place: Place,
+    footprint: Footprint,
+    time_s: float,
 ) -> Manoeuvre:
     """Back out by ``least_m``, or farther to where the body has room to turn to either side, as far as ``room_m``."""
     position = np.asarray(place.position_w)
     back = -np.array([np.cos(place.heading_rad), np.sin(place.heading_rad)])
     distance = min(least_m, room_m)
     while distance < room_m:
-        right, left = turn_range(table_w, position + distance * back, place.heading_rad, footprint)
+        right, left = turn_range(table_w, cells, position + distance * back, place.heading_rad, footprint)
         if min(-right, left) >= ROOM_TO_TURN_RAD:
             break
         distance = min(distance + 0.2, room_m)
@@ -112,8 +120,10 @@ def finished(manoeuvre: Manoeuvre, place: Place, observation: Observation | None
     return bool(moved > 0.6 * manoeuvre.distance_m)  # path following ends before the very end
 
 
-def _possible_turn(heading_rad: float, table_w: FloatArray, place: Place, footprint: Footprint) -> float:
+def _possible_turn(
+    heading_rad: float, table_w: FloatArray, cells: GroundCells, place: Place, footprint: Footprint
+) -> float:
     """Turn towards a heading, as far as there is room for the body."""
     wanted = wrap_angle(heading_rad - place.heading_rad)
-    right, left = turn_range(table_w, np.asarray(place.position_w), place.heading_rad, footprint)
+    right, left = turn_range(table_w, cells, np.asarray(place.position_w), place.heading_rad, footprint)
     return float(np.clip(wanted, right, left))

@@ -10,18 +10,22 @@ from worlds.types import BoolArray, FloatArray, Footprint
 
 GAP_M = 0.04  # between body and rock while turning or backing
 STEP_RAD = float(np.deg2rad(5.0))
+_RIM_RAD = np.linspace(0.0, 2.0 * np.pi, 16, endpoint=False)
+RIM = np.concatenate([share * np.stack([np.cos(_RIM_RAD), np.sin(_RIM_RAD)], axis=1) for share in (0.75, 0.95)])
 
 
 def turn_range(
-    table_w: FloatArray, place_w: FloatArray, heading_rad: float, footprint: Footprint
+    table_w: FloatArray, cells: GroundCells, place_w: FloatArray, heading_rad: float, footprint: Footprint
 ) -> tuple[float, float]:
-    """How far the body can turn on the spot to the right (<= 0) and left (>= 0) before it meets a hard rock, radians.
+    """How far the body can turn on the spot to the right (<= 0) and left (>= 0), radians.
 
-    Rocks that the body's outline holds already are left out: they are under the belly, or the map is wrong.
+    It must meet no hard rock, nor ground that was never seen: the camera does not look where the corners sweep. What
+    the body's outline holds already is left out: it is under the belly, or the map is wrong.
     """
     half_length, half_width = footprint.length_m / 2 + GAP_M, footprint.width_m / 2 + GAP_M
-    local = in_frame(near(table_w, place_w, 1.6), Frame2((float(place_w[0]), float(place_w[1])), heading_rad))
-    local = local[local[:, 6] > 0.5]
+    hard = near(table_w, place_w, 1.6)
+    hard = np.vstack([hard[hard[:, 6] > 0.5], _unseen(cells, place_w, float(np.hypot(half_length, half_width)))])
+    local = in_frame(hard, Frame2((float(place_w[0]), float(place_w[1])), heading_rad))
     ends = []
     for side in (-1.0, 1.0):
         angles = side * np.arange(0.0, np.pi + 1e-9, STEP_RAD)
@@ -56,6 +60,16 @@ def backing_room(
             break
         free = float(distance)
     return free
+
+
+def _unseen(cells: GroundCells, place_w: FloatArray, radius_m: float) -> FloatArray:
+    """Ground around the rover that was never seen, as obstacles (N, 7) without extent."""
+    spots = place_w + radius_m * RIM
+    spots = spots[~sample(cells, spots)[0]]
+    shape: FloatArray = np.zeros((len(spots), 7))
+    shape[:, 0:2] = shape[:, 2:4] = spots
+    shape[:, 5:7] = 1.0
+    return shape
 
 
 def _body_meets(local: FloatArray, angles: FloatArray, half_length: float, half_width: float) -> BoolArray:

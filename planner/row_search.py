@@ -48,6 +48,8 @@ class RowModel:
     hill_cost: float = 0.8
     near_cost: float = 1.0
     unseen_cost: float = 0.35
+    near_unseen_cost: float = 2.0  # ground so near that the camera will not see it in time
+    near_unseen_m: float = 1.5
     rough_cost: float = 0.4
     space_cost: float = 0.3  # of the risk of the free space
     off_line_cost: float = 0.02  # a metre from the straight line
@@ -170,7 +172,9 @@ def _cell_cost(
     """Cost of a metre at each grid cell: one for the way and what the place adds."""
     sub = model.sub_rows
     y = grid.y0_m + grid.step_y_m * np.arange(grid.hill.shape[1])
-    by_row = model.unseen_cost * ground.unseen + model.rough_cost * ground.roughness
+    near_rows = np.arange(len(ground.unseen)) * sub * grid.step_x_m < model.near_unseen_m
+    unseen_cost = np.where(near_rows, model.near_unseen_cost, model.unseen_cost)[:, None]
+    by_row = unseen_cost * ground.unseen + model.rough_cost * ground.roughness
     by_row += model.space_cost * _space_risk(grid, spaces, sub) + model.off_line_cost * np.abs(y)
     between = np.minimum((np.arange(grid.hill.shape[0]) + sub // 2) // sub, len(by_row) - 1)
     close = np.clip((need + drive.comfort_m - grid.clearance_m) / drive.comfort_m, 0.0, 1.0)

@@ -67,7 +67,7 @@ class MemoryModel:
     missed_loss: float = 0.8  # log-odds of a rock that should have been seen
     drop_below: float = -1.4
     most_log_odds: float = 4.0
-    sure_range_m: tuple[float, float] = (1.6, 5.5)  # inside it a missing rock is news
+    sure_range_m: tuple[float, float] = (1.3, 5.5)  # inside it a missing rock is news
     sure_angle_rad: float = 0.035  # as is one of this apparent size
     least_height_m: float = 0.03  # lower ones are no rocks to the wheels
     capacity: int = 800

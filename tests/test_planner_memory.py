@@ -1,0 +1,116 @@
+from __future__ import annotations
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from planner import ground_cells as gc
+from planner import terrain_map as tm
+from worlds.types import FloatArray, Observation, PerceivedRock
+
+HERE = np.zeros(2)
+VIEW = np.array([[1.0, -0.8], [8.0, -6.0], [8.0, 6.0], [1.0, 0.8]])
+
+
+def rock(x: float, y: float, *, sd: float = 0.1, size: float = 0.4, certainty: float = 0.8) -> PerceivedRock:
+    return PerceivedRock((x, y, 0.0), size, size, 0.2, 0.0, certainty, 0, float(np.hypot(x, y)), sd)
+
+
+def seen(time_s: float, *rocks: PerceivedRock, outline: FloatArray = VIEW) -> Observation:
+    return Observation(time_s, rocks, np.zeros((0, 0), dtype="<U1"), np.zeros((0, 0, 2)), outline)
+
+
+def after(*observations: Observation) -> tm.TerrainMemory:
+    memory = tm.empty_memory(HERE)
+    for observation in observations:
+        memory = tm.remember(memory, observation, HERE)
+    return memory
+
+
+def test_two_views_of_a_rock_are_one_rock_and_surer() -> None:
+    once, twice = after(seen(0, rock(4, 0))), after(seen(0, rock(4, 0)), seen(1, rock(4.1, 0.02)))
+    assert len(twice.rocks) == 1
+    assert twice.rocks.certainty[0] > once.rocks.certainty[0]
+    assert 4.0 < twice.rocks.centre_w[0, 0] < 4.1
+
+
+def test_a_nearer_view_corrects_a_far_one() -> None:
+    rocks = after(seen(0, rock(5.0, 0, sd=0.6)), seen(1, rock(4.4, 0, sd=0.05))).rocks
+    assert len(rocks) == 1
+    assert abs(rocks.centre_w[0, 0] - 4.4) < 0.06
+
+
+def test_neighbours_stay_two() -> None:
+    assert len(after(*(seen(t, rock(3, 0), rock(3, 0.8)) for t in range(3))).rocks) == 2
+
+
+def test_a_rock_not_seen_again_is_dropped_and_one_out_of_view_is_kept() -> None:
+    first = seen(0, rock(3, 0, certainty=0.5), rock(0.5, 0.5))
+    memory = after(first, *(seen(t) for t in range(1, 5)))
+    np.testing.assert_allclose(memory.rocks.centre_w, [[0.5, 0.5]])
+
+
+def test_a_hidden_rock_is_not_doubted() -> None:
+    front, behind = rock(2.0, 0, size=0.8), rock(4.0, 0, size=0.3)
+    rocks = after(seen(0, front, behind), *(seen(t, front) for t in range(1, 6))).rocks
+    assert len(rocks) == 2
+
+
+def test_a_pebble_is_no_rock_and_a_rock_inside_a_larger_one_vanishes() -> None:
+    low = PerceivedRock((3.0, 1.0, 0.0), 0.1, 0.1, 0.02, 0.0, 0.9, 0, 3.2, 0.05)
+    rocks = after(seen(0, low, rock(3, 0, size=1.0), rock(3.25, 0, size=0.2, sd=0.02))).rocks
+    assert len(rocks) == 1
+
+
+def test_memory_is_capped_nearest_first() -> None:
+    rng = np.random.default_rng(0)
+    places = rng.uniform(1.0, 8.0, (60, 2))
+    memory = tm.remember(
+        tm.empty_memory(HERE), seen(0, *(rock(x, y, size=0.05) for x, y in places)), HERE, tm.MemoryModel(capacity=10)
+    )
+    kept = np.sort(np.linalg.norm(memory.rocks.centre_w, axis=1))
+    np.testing.assert_allclose(kept, np.sort(np.linalg.norm(places, axis=1))[:10])
+
+
+@settings(deadline=None, max_examples=40)
+@given(
+    st.lists(
+        st.lists(st.tuples(st.floats(1.2, 8), st.floats(-4, 4), st.floats(0.02, 1.0), st.floats(0, 1)), max_size=8),
+        max_size=4,
+    )
+)
+def test_any_views_keep_the_memory_sound(frames: list[list[tuple[float, float, float, float]]]) -> None:
+    rocks = after(
+        *(
+            seen(t, *(rock(x, y, sd=sd, certainty=certainty) for x, y, sd, certainty in frame))
+            for t, frame in enumerate(frames)
+        )
+    ).rocks
+    assert len(rocks) <= sum(map(len, frames))
+    assert (np.linalg.eigvalsh(rocks.covariance) > 0).all()
+    assert ((rocks.certainty > 0) & (rocks.certainty < 1)).all()
+
+
+def test_the_view_marks_cells_and_classes_roughen_them() -> None:
+    letters = np.array([["S", "M"]])
+    centres = np.array([[[3.0, 0.5], [3.0, -0.5]]])
+    observation = Observation(0.0, (), letters, centres, VIEW)
+    cells = gc.note_view(gc.empty_cells(HERE), observation, HERE)
+    known, rough = gc.sample(cells, np.array([[3.0, 0.5], [3.0, -0.5], [-3.0, 0.0], [500.0, 0.0]]))
+    assert known.tolist() == [True, True, False, False]
+    assert rough[0] == 0.0
+    assert 0.1 < rough[1] <= 0.8
+
+
+def test_cells_move_with_the_rover() -> None:
+    cells = gc.mark_driven(gc.empty_cells(HERE), np.array([5.0, 0.0]), 0.6)
+    moved = gc.recentre(cells, np.array([20.0, 1.0]))
+    assert not np.array_equal(moved.origin_w, cells.origin_w)
+    assert gc.sample(moved, np.array([[5.0, 0.0]]))[0][0]
+    assert not gc.sample(gc.recentre(cells, np.array([900.0, 0.0])), np.array([[5.0, 0.0]]))[0][0]
+
+
+def test_inside_a_concave_outline() -> None:
+    outline = np.array([[0, 0], [4, 0], [4, 4], [2, 1], [0, 4]], dtype=float)
+    points = np.array([[0.5, 2.0], [2.0, 2.0], [3.5, 2.0], [5.0, 1.0]])
+    assert gc.inside_polygon(outline, points).tolist() == [True, False, True, False]

@@ -1,0 +1,99 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from planner import navigator
+from tests.planner_factory import FOOTPRINT, DiscWorld, look, pose_at, rock_field, traverse
+
+WALL = [(6.0, float(y), 0.3) for y in np.arange(-7, 7.1, 0.5)]
+
+
+def test_open_ground_takes_one_straight_line() -> None:
+    run = traverse(DiscWorld.of([]), (10.0, 0.0))
+    assert run.end == "arrived"
+    assert run.length_m < 10.0
+    assert run.missions <= 4
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_rock_fields_of_cfa_5_percent_are_crossed(seed: int) -> None:
+    world = rock_field(0.05, 20.0, np.random.default_rng(seed))
+    run = traverse(world, (20.0, 0.0), rng=np.random.default_rng(1000 + seed))
+    assert run.end == "arrived"
+    assert run.collisions == 0
+    assert run.length_m < 20.0 * 1.35
+
+
+def test_the_same_twice() -> None:
+    world = rock_field(0.05, 8.0, np.random.default_rng(5))
+    first, second = (traverse(world, (8.0, 0.0), rng=np.random.default_rng(5)) for _ in range(2))
+    np.testing.assert_array_equal(first.track, second.track)
+
+
+def test_the_gap_of_a_wall_is_found() -> None:
+    world = DiscWorld.of([disc for disc in WALL if abs(disc[1] - 4.0) > 0.9])
+    run = traverse(world, (12.0, 0.0))
+    assert run.end == "arrived"
+    assert run.collisions == 0
+
+
+def test_a_dead_end_is_left() -> None:
+    u = [(6.0, float(y), 0.3) for y in np.arange(-2.5, 2.6, 0.5)]
+    u += [(float(x), side, 0.3) for x in np.arange(1.5, 6.1, 0.5) for side in (-2.5, 2.5)]
+    run = traverse(DiscWorld.of(u), (12.0, 0.0))
+    assert run.end == "arrived"
+    assert run.collisions == 0
+
+
+def test_a_walled_goal_is_given_up_with_a_reason() -> None:
+    ring = [(8 + 1.6 * np.cos(a), 1.6 * np.sin(a), 0.3) for a in np.linspace(0, 2 * np.pi, 24)]
+    run = traverse(DiscWorld.of(ring), (8.0, 0.0))
+    assert run.end == "no_path"
+    assert "enclose" in run.reason
+    assert run.collisions == 0
+    assert run.sim_time_s < 150.0
+    again = navigator.step(run.state, None, pose_at(*run.track[-1]), 999.0)
+    assert again[1].kind == "no_path"
+
+
+def test_a_goal_inside_a_rock_ends_without_an_exception() -> None:
+    run = traverse(DiscWorld.of([(6.0, 0.0, 0.8)]), (6.0, 0.0))
+    assert run.end == "no_path"
+    assert run.collisions == 0
+
+
+def test_a_goal_behind_is_reached() -> None:
+    run = traverse(DiscWorld.of([(-4.0, 0.3, 0.3)]), (-8.0, 0.0))
+    assert run.end == "arrived"
+    assert run.collisions == 0
+
+
+def test_a_free_way_is_kept() -> None:
+    world = DiscWorld.of([(4.0, 0.1, 0.3)])
+    state = navigator.begin((20.0, 0.0), 0.5, FOOTPRINT, (0.0, 0.0))
+    state, first = navigator.step(state, look(world, np.zeros(3), 0.0, None), pose_at(0, 0, 0), 0.0)
+    _, second = navigator.step(state, look(world, np.zeros(3), 0.5, None), pose_at(0.05, 0, 0), 0.5)
+    assert first.changed
+    assert not second.changed
+    assert second.waypoints_w is first.waypoints_w
+    assert len(first.candidates) >= 2
+    assert 0.0 <= first.risk <= 1.0
+
+
+def test_no_picture_yet_is_no_reason_to_fail() -> None:
+    state = navigator.begin((5.0, 0.0), 0.5, FOOTPRINT, (0.0, 0.0))
+    assert navigator.step(state, None, pose_at(0, 0, 0), 0.0)[1].kind == "drive"
+
+
+def test_trouble_ahead_is_backed_out_of_and_avoided() -> None:
+    state = navigator.begin((10.0, 0.0), 0.5, FOOTPRINT, (0.0, 0.0))
+    for x in np.arange(0.0, 3.0, 0.25):
+        state, _ = navigator.step(state, look(DiscWorld.of([]), np.array([x, 0, 0]), x, None), pose_at(x, 0, 0), x)
+    state = navigator.note_trouble(state, pose_at(2.75, 0, 0))
+    state, decision = navigator.step(state, None, pose_at(2.75, 0, 0), 3.5)
+    assert decision.kind == "back_up"
+    assert decision.distance_m > 0.4
+    _, onward = navigator.step(state, None, pose_at(2.0, 0, 0), 5.0)
+    assert onward.kind == "drive"
+    assert abs(np.interp(3.5, onward.waypoints_w[:, 0], onward.waypoints_w[:, 1])) > 0.5

@@ -1,0 +1,142 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from planner import obstacle_map as om
+from planner import row_kernels as kernels
+from planner.goal_field import goal_field
+from planner.ground_cells import empty_cells, mark_driven
+from planner.room import turn_range
+from planner.row_search import RowSearch, Task, search
+from tests.planner_factory import FOOTPRINT
+from worlds.types import FloatArray
+
+DRIVE = om.DriveModel()
+NEED = DRIVE.need_m(FOOTPRINT)
+CELLS = empty_cells(np.zeros(2))
+SEEN = mark_driven(CELLS, np.zeros(2), 3.0)
+
+
+def table(*discs: tuple[float, float, float]) -> FloatArray:
+    rows = [[x, y, x, y, radius, 1.0, 1.0] for x, y, radius in discs]
+    return np.array(rows).reshape(-1, 7)
+
+
+def find(discs: FloatArray, goal: tuple[float, float] = (20.0, 0.0), heading: float = 0.0) -> RowSearch:
+    frame = om.Frame2((0.0, 0.0), float(np.arctan2(goal[1], goal[0])))
+
+    def end_cost(points: FloatArray) -> FloatArray:
+        distance: FloatArray = np.linalg.norm(points - goal, axis=1)
+        return 3.0 * distance  # the end counts most
+
+    return search(discs, CELLS, Task(frame, float(np.hypot(*goal)), heading, NEED, end_cost), DRIVE)
+
+
+@given(st.lists(st.booleans(), min_size=1, max_size=120), st.data())
+@settings(deadline=None)
+def test_divide_and_conquer_finds_each_maximal_free_space(free: list[bool], data: st.DataObject) -> None:
+    column = data.draw(st.integers(0, len(free) - 1))
+    spaces = kernels.free_spaces(np.array(free, dtype=np.float64), column)
+    padded = np.array([False, *free, False])
+    starts = np.flatnonzero(~padded[:-1] & padded[1:])
+    ends = np.flatnonzero(padded[:-1] & ~padded[1:]) - 1
+    np.testing.assert_array_equal(spaces, np.stack([starts, ends], axis=1).reshape(-1, 2))
+
+
+def test_open_ground_is_crossed_straight() -> None:
+    found = find(table())
+    best = found.candidates[0]
+    assert found.blocked_row is None
+    np.testing.assert_allclose(best.waypoints_w[:, 1], 0.0, atol=1e-9)
+    assert best.waypoints_w[-1, 0] == pytest.approx(7.2)
+    assert np.linalg.norm(np.diff(best.waypoints_w, axis=0), axis=1).max() <= 1.5 + 1e-9
+
+
+def test_a_rock_ahead_gives_a_way_on_either_side() -> None:
+    found = find(table((4.0, 0.05, 0.3)))
+    sides = {float(np.sign(c.waypoints_w[np.argmin(abs(c.waypoints_w[:, 0] - 4.0)), 1])) for c in found.candidates}
+    assert sides == {-1.0, 1.0}
+    assert found.candidates[0].cost <= found.candidates[1].cost
+
+
+def test_a_wall_is_told_by_its_row_and_a_gap_is_found() -> None:
+    wall = [(4.0, y, 0.25) for y in np.arange(-6.0, 6.1, 0.4)]
+    blocked = find(table(*wall))
+    assert blocked.blocked_row is not None
+    assert blocked.rows_m[blocked.blocked_row] == pytest.approx(4.0 - 0.25 - NEED, abs=0.45)
+    assert not blocked.candidates[0].complete
+    gap = find(table(*(disc for disc in wall if abs(disc[1] - 1.6) > 0.75)))
+    assert gap.blocked_row is None
+    way = gap.candidates[0].waypoints_w
+    assert np.interp(4.0, way[:, 0], way[:, 1]) == pytest.approx(1.6, abs=0.25)
+
+
+def test_a_near_goal_is_the_end_of_the_way() -> None:
+    best = find(table((1.5, 0.0, 0.2)), goal=(3.0, 0.0)).candidates[0]
+    np.testing.assert_allclose(best.waypoints_w[-1], [3.0, 0.0], atol=1e-9)
+
+
+def test_a_goal_inside_a_rock_is_approached_as_far_as_it_goes() -> None:
+    best = find(table((3.0, 0.0, 0.5)), goal=(3.0, 0.0)).candidates[0]
+    assert best.clearance_m >= NEED - 0.03
+    assert np.hypot(*(best.waypoints_w[-1] - [3.0, 0.0])) < 0.5 + NEED + 0.5
+
+
+def test_the_rover_may_leave_a_rock_that_it_stands_beside() -> None:
+    found = find(table((0.1, 0.45, 0.1)))
+    assert found.blocked_row is None
+    assert (found.candidates[0].waypoints_w[:, 1] <= 0.05).all()
+
+
+@settings(deadline=None, max_examples=40)
+@given(
+    st.lists(st.tuples(st.floats(0.9, 9), st.floats(-5, 5), st.floats(0.05, 0.5)), max_size=25),
+    st.floats(-np.pi, np.pi),
+)
+def test_every_way_keeps_its_distance(discs: list[tuple[float, float, float]], direction: float) -> None:
+    obstacles = table(*discs)
+    turned = om.in_frame(obstacles, om.Frame2((0.0, 0.0), -direction))
+    found = find(turned, goal=(20 * np.cos(direction), 20 * np.sin(direction)), heading=direction)
+    leaving = om.let_leave(turned, np.zeros(2), NEED)
+    for candidate in found.candidates:
+        # Distances are checked at 0.1 m steps, so a corner of a rock may lie a little nearer between two.
+        assert om.segment_clearance(leaving, candidate.waypoints_w).min() >= NEED - 0.04
+        np.testing.assert_allclose(candidate.waypoints_w[0], 0.0, atol=1e-9)
+
+
+def test_a_turn_without_room_is_not_begun() -> None:
+    beside = table((0.42, 0.52, 0.1))
+    right, left = turn_range(beside, SEEN, np.zeros(2), 0.0, FOOTPRINT)
+    assert left < np.deg2rad(20)
+    assert right < -np.deg2rad(60)
+    assert turn_range(table(), SEEN, np.zeros(2), 0.0, FOOTPRINT) == (-np.pi, np.pi)
+
+
+def test_distance_to_a_long_rock_is_to_its_axis_less_its_half_width() -> None:
+    long = np.array([[1.0, -1.0, 1.0, 1.0, 0.2, 1.0, 1.0]])
+    assert om.distance_to(long, np.zeros(2)) == pytest.approx([0.8])
+    assert om.segment_clearance(long, np.array([[0.0, 0.0], [2.0, 0.0]])) == pytest.approx([-0.2])
+    grid = om.obstacle_grid(long, (0.0, 0.5), (0.0, 0.5), (6, 6))
+    assert grid.clearance_m[0, 0] == pytest.approx(0.8)
+    assert grid.hill[5, 0] == pytest.approx((1 - 0.3) ** 2)
+
+
+def test_the_field_leads_out_of_a_u() -> None:
+    u = [(3.0, y, 0.3) for y in np.arange(-2, 2.1, 0.5)]
+    u += [(x, side, 0.3) for x in np.arange(0, 3.1, 0.5) for side in (-2.0, 2.0)]
+    field = goal_field(table(*u), CELLS, np.array([1.5, 0.0]), np.array([8.0, 0.0]), 0.5, NEED, DRIVE)
+    way = field.way(np.array([1.5, 0.0]), 20.0)
+    assert way[:, 0].min() < -0.3
+    assert np.linalg.norm(way[-1] - [8.0, 0.0]) < 0.5
+    costs = field.at(way)
+    assert (np.diff(costs) <= 1e-9).all()
+
+
+def test_the_field_of_a_walled_goal_is_infinite() -> None:
+    ring = [(6 + np.cos(a), np.sin(a), 0.3) for a in np.linspace(0, 2 * np.pi, 20)]
+    field = goal_field(table(*ring), CELLS, np.zeros(2), np.array([6.0, 0.0]), 0.5, NEED, DRIVE)
+    assert np.isinf(field.at(np.zeros((1, 2)))).all()
+    assert len(field.way(np.zeros(2), 5.0)) == 0
