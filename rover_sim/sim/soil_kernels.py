@@ -261,11 +261,13 @@ def wheel_forces(
             own[SHEAR_X] = own[SHEAR_Y] = own[PUSHED] = 0.0
             if elastic < -_CLEAR:  # fresh soil next time
                 own[SINKAGE] *= exp(-dt / _FORGET_S)
-        # Thrust acts at the shearing radius; the drag is the normal force that has moved ahead of the axle.
-        shift = drag * shear_radius / load if load > 0.0 else 0.0
+        # Forces act at the bottom of the rim. The normal force moves ahead of the axle by as much as gives the torque of a
+        # thrust at the shearing radius and of a drag at the hub.
+        arm = radius - max(elastic, 0.0)
+        shift = (drag * arm + thrust * (shear_radius - arm)) / load if load > 0.0 else 0.0
         for k in range(3):
             out[FORCE + k] = load * normal[k] + (thrust - drag) * ahead[k] + side * left[k]
-            out[POINT + k] = hub[k] - shear_radius * spoke[k] + shift * ahead[k]
+            out[POINT + k] = hub[k] - arm * spoke[k] + shift * ahead[k]
         out[NORMAL], out[DRAWBAR], out[THRUST], out[DEPTH] = load, thrust - drag, thrust, own[SINKAGE]
         out[SLIP], out[SLIP_ANGLE], out[SPEED] = _slip_ratio(rim, vx), atan2(vy, max(abs(vx), _SLIP_SPEED)), vx
 

@@ -13,7 +13,7 @@ import numpy as np
 from rover_sim.sim.bullet import pybullet
 from rover_sim.sim.rover import RoverModel
 from rover_sim.sim.rover_urdf import WHEEL_NAMES, urdf
-from worlds.types import FloatArray, IntArray, Pose, TriangleMesh, World
+from worlds.types import FloatArray, IntArray, Pose, TriangleMesh, Vector3, World
 
 TIME_STEP_S = 1.0 / 240.0
 CHASSIS = -1  # PyBullet's link number of the base
@@ -36,7 +36,7 @@ class RoverBody:
 def connect(gravity_m_s2: float, time_step_s: float = TIME_STEP_S) -> int:
     """A new headless client with gravity and time step set; its number."""
     client = int(pybullet.connect(pybullet.DIRECT))
-    pybullet.setGravity(0.0, 0.0, -gravity_m_s2, physicsClientId=client)
+    set_gravity(client, (0.0, 0.0, -gravity_m_s2))
     pybullet.setPhysicsEngineParameter(
         fixedTimeStep=time_step_s,
         numSolverIterations=20,
@@ -45,6 +45,11 @@ def connect(gravity_m_s2: float, time_step_s: float = TIME_STEP_S) -> int:
         physicsClientId=client,
     )
     return client
+
+
+def set_gravity(client: int, gravity_w: Vector3) -> None:
+    """Set the pull on every mass (m/s2, world); leaning it tilts the ground, a level part tows the rover."""
+    pybullet.setGravity(*gravity_w, physicsClientId=client)
 
 
 def add_rover(client: int, rover: RoverModel, pose: Pose) -> RoverBody:
