@@ -1,0 +1,106 @@
+"""The onboard computer against a real vehicle on a kinematic rover: missions, fail-safe stops, people."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from perception.pipeline import Knowledge, load_knowledge
+from planner import navigator
+from rover_sim.autopilot.autopilot import Autopilot
+from rover_sim.autopilot.modes import Mode
+from rover_sim.mavlink.stack import MavlinkStack
+from rover_sim.onboard import STOPS_ALLOWED, OnboardComputer
+from tests.mavlink_rig import FOOTPRINT, KinematicRover
+from worlds.geometry import camera_pose
+from worlds.scenario import Origin
+from worlds.types import CameraModel, Frame, GroundPlane
+
+HOME = (0.0, 0.0, 0.0)
+CAMERA = CameraModel(320, 240, 207.8, (0.3, 0.0, 1.1), float(np.radians(25.0)))
+SAND = np.random.default_rng(1).normal((200.0, 160.0, 110.0), 2.0, (240, 320, 3)).clip(0, 255).astype(np.uint8)
+
+
+@pytest.fixture(scope="module")
+def knowledge() -> Knowledge:
+    return load_knowledge("rendered")
+
+
+class Drive:
+    """Rover, autopilot, link and onboard computer on bare sand, a picture each half second."""
+
+    def __init__(self, goal_w: tuple[float, float], knowledge: Knowledge) -> None:
+        self.rover = KinematicRover()
+        self.autopilot = Autopilot(FOOTPRINT, HOME)
+        self.stack = MavlinkStack(Origin(), self.autopilot)
+        plan = navigator.begin(goal_w, 0.5, FOOTPRINT, (0.0, 0.0))
+        self.onboard = OnboardComputer(self.stack.companion, self.stack.frame, HOME, plan, knowledge)
+        self._ticks = 0
+
+    def run(self, until: Callable[[], bool], limit_s: float) -> None:
+        end = self.rover.time_s + limit_s
+        while not until():
+            assert self.rover.time_s < end, f"not within {limit_s} s"
+            self._tick()
+
+    def _tick(self) -> None:
+        estimate, readings, time_s = self.rover.estimate(), self.rover.readings(), self.rover.time_s
+        wheels = self.autopilot.update(time_s, estimate, readings)
+        self.stack.tick(time_s, estimate, readings)
+        self.onboard.tick(estimate)
+        if self._ticks % 24 == 0:
+            ground = GroundPlane(np.zeros(3), np.array([0.0, 0.0, 1.0]))
+            pose = camera_pose(estimate.pose, CAMERA)
+            self.onboard.look(Frame(time_s, SAND, CAMERA, pose, ground), estimate, time_s)
+        self._ticks += 1
+        self.rover.move(wheels, 1.0 / 48.0)
+
+
+def test_it_arms_drives_by_mission_and_holds_at_the_goal(knowledge: Knowledge) -> None:
+    drive = Drive((6.0, 1.0), knowledge)
+    drive.run(lambda: drive.onboard.plan.end is not None, 40.0)
+    assert drive.onboard.plan.end is not None
+    assert drive.onboard.plan.end.kind == "arrived"
+    assert np.hypot(drive.rover.x_m - 6.0, drive.rover.y_m - 1.0) < 0.5
+    drive.run(lambda: drive.autopilot.mode is Mode.HOLD, 1.0)
+    # On bare ground the first way leads to the goal: nothing else is worth sending.
+    assert drive.onboard.counts.missions_sent <= 3
+    assert drive.onboard.counts.waypoints_sent >= 1
+
+
+def test_a_slip_stop_is_noted_avoided_and_driven_out_of(knowledge: Knowledge) -> None:
+    drive = Drive((8.0, 0.0), knowledge)
+    drive.run(lambda: drive.rover.x_m > 2.0, 20.0)
+    drive.rover.slip = 0.7
+    drive.run(lambda: drive.onboard.counts.failsafe_stops == 1, 20.0)
+    drive.rover.slip = 0.0
+    assert "lip" in drive.onboard.stop_text
+    assert len(drive.onboard.plan.avoid_w) == 1
+    drive.run(lambda: drive.onboard.plan.end is not None, 90.0)
+    assert drive.onboard.plan.end is not None
+    assert drive.onboard.plan.end.kind == "arrived"
+
+
+def test_stops_without_getting_on_exhaust_it(knowledge: Knowledge) -> None:
+    drive = Drive((8.0, 0.0), knowledge)
+    drive.rover.slip = 1.0
+    drive.run(lambda: drive.onboard.exhausted or drive.onboard.plan.end is not None, 300.0)
+    stops = drive.onboard.counts.failsafe_stops
+    assert stops > STOPS_ALLOWED or (drive.onboard.plan.end is not None and drive.onboard.plan.end.kind == "no_path")
+
+
+def test_a_person_who_sets_hold_keeps_the_rover_until_auto_is_set_again(knowledge: Knowledge) -> None:
+    drive = Drive((8.0, 0.0), knowledge)
+    drive.run(lambda: drive.rover.x_m > 1.0, 20.0)
+    drive.autopilot.set_mode(Mode.HOLD)
+    drive.run(lambda: drive.onboard.doing == "taken over", 2.0)
+    sent, start = drive.onboard.counts.missions_sent, drive.rover.time_s
+    drive.run(lambda: drive.rover.time_s > start + 5.0, 10.0)
+    assert drive.autopilot.mode is Mode.HOLD
+    assert drive.onboard.counts.missions_sent == sent
+    drive.autopilot.set_mode(Mode.AUTO)
+    drive.run(lambda: drive.onboard.plan.end is not None, 40.0)
+    assert drive.onboard.plan.end is not None
+    assert drive.onboard.plan.end.kind == "arrived"
