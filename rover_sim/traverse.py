@@ -67,7 +67,7 @@ class Traverse:
         self.recorder, self._judge, self._classes = TraceRecorder(), Judge(), ClassScore()
         home = (*scenario.rover.start_m, float(world.start.position_w[2]))
         self._autopilot = Autopilot(self._footprint, home)
-        self._stack = MavlinkStack(scenario.origin, self._autopilot, options.connect, tlog)
+        self._stack = MavlinkStack(world.origin, self._autopilot, options.connect, tlog)
         try:
             self._renderer = make_renderer(world)
             self._simulation = Simulation(world, rover, np.random.default_rng([world.seed, SENSOR_STREAM]))

@@ -12,6 +12,7 @@ from worlds.scenario import (
     LIMITS,
     Goal,
     Obstacle,
+    Origin,
     RoverChoice,
     Scenario,
     SoilChoice,
@@ -81,7 +82,8 @@ def test_dump_has_every_key_and_loads_to_an_equal_scenario(tmp_path: Path) -> No
         assert load_text(tmp_path, text) == scenario
         for key in LIMITS:
             leaf = key.split(".")[-1]
-            assert key.startswith(("obstacle", "soil.patch")) or f"{leaf} =" in text or f"# {leaf} is not set" in text
+            optional = key.startswith(("obstacle", "origin", "soil.patch"))
+            assert optional or f"{leaf} =" in text or f"# {leaf} is not set" in text
 
 
 @given(
@@ -103,7 +105,8 @@ def test_every_number_has_a_range() -> None:
     terrain = Terrain(crop_m=(0.0, 0.0, 1.0, 1.0), height_range_m=(0.0, 1.0))
     obstacle = Obstacle(kind="rock", position_m=(0.0, 0.0), radius_m=1.0, height_m=1.0)
     patch = SoilPatch(kind="disc", preset="firm", position_m=(0.0, 0.0), radius_m=1.0, size_m=(1.0, 1.0))
-    scenario = Scenario(name="x", terrain=terrain, obstacle=(obstacle,), soil=SoilChoice(patch=(patch,)))
+    soil = SoilChoice(patch=(patch,))
+    scenario = Scenario(name="x", terrain=terrain, obstacle=(obstacle,), soil=soil, origin=Origin())
     assert numeric_keys(scenario) == set(LIMITS)
 
 
@@ -138,6 +141,10 @@ def test_every_number_has_a_range() -> None:
         ("[terrain]\nkind = 'dem'", "terrain.path: this key is required"),
         ("[terrain]\ncrop_m = [1, 1, 0, 2]", "terrain.crop_m = [1.0, 1.0, 0.0, 2.0]: must be [x0, y0, x1, y1]"),
         ("[terrain]\nheight_range_m = [1, 1]", "terrain.height_range_m = [1.0, 1.0]: must be [lowest, highest]"),
+        ("[terrain]\ndetail_m = 0.1", "terrain.detail_m = 0.1: only elevation files"),
+        ("[origin]\nlatitude = 1.0", "origin.latitude = 1.0: unknown key; did you mean 'latitude_deg'?"),
+        ("[origin]\nlatitude_deg = 90.0", "origin.latitude_deg = 90: allowed are -89 to 89"),
+        ("[origin]\nlatitude_deg = 'x'", 'origin.latitude_deg = "x": expected a number, got text'),
         ("[soil]\npreset = 'mud'", "soil.preset = 'mud'"),
         ("[terrain\n", "not valid TOML: Expected ']' at the end of a table declaration (at line 2, column 9)"),
     ],

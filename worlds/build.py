@@ -6,8 +6,9 @@ from enum import IntEnum
 from pathlib import Path
 
 import numpy as np
+from msgspec import structs
 
-from worlds.dem import load_dem
+from worlds.dem import Elevation, load_dem
 from worlds.errors import ScenarioError
 from worlds.geometry import quaternion_from_euler
 from worlds.heightfield import contains, height_at
@@ -15,7 +16,7 @@ from worlds.rock_field import MESH_MIN_DIAMETER_M, RockField, draw_rock_field, i
 from worlds.rock_mesh import COLLISION_LEVELS, PICTURE_LEVELS, cylinder_meshes, join, rock_meshes
 from worlds.rock_shape import base_extents, rock_shape
 from worlds.rock_sizes import expected_number
-from worlds.scenario import MAP_MARGIN_M, Obstacle, Scenario, check_scenario, resolve_paths
+from worlds.scenario import DEFAULT_ORIGIN, MAP_MARGIN_M, Obstacle, Scenario, check_scenario, resolve_paths
 from worlds.soil_file import load_soil
 from worlds.soil_map import lay_soils
 from worlds.synthesis import synthesise
@@ -46,7 +47,11 @@ def build_world(scenario: Scenario, seed: int, *, base_dir: Path | None = None, 
         raise ScenarioError(f"{source}: seed = {seed}: allowed are whole numbers from 0")
     scenario = resolve_paths(scenario, base_dir or Path.cwd())
     check_scenario(scenario, source)
-    bare = bare_ground(scenario, seed, source)
+    elevation = bare_ground(scenario, seed, source)
+    bare = elevation.field
+    origin = scenario.origin or elevation.origin or DEFAULT_ORIGIN
+    # The scenario of a world is complete, so that what it is dumped to needs no default.
+    scenario = structs.replace(scenario, origin=origin)
     _check_places(scenario, bare, source)
     field = random_rocks(scenario, bare, seed, source)
     large = field.diameters_m >= MESH_MIN_DIAMETER_M
@@ -77,16 +82,19 @@ def build_world(scenario: Scenario, seed: int, *, base_dir: Path | None = None, 
         start=Pose(np.array(start), heading),
         goal_w=goal,
         soil_map=lay_soils(scenario, ground, source),
+        origin=origin,
+        notes=elevation.notes,
     )
 
 
-def bare_ground(scenario: Scenario, seed: int, source: str) -> HeightField:
+def bare_ground(scenario: Scenario, seed: int, source: str) -> Elevation:
     """The ground without any rock. A synthetic map is centred midway between start and goal."""
+    rng = _generator(seed, Stream.TERRAIN)
     if scenario.terrain.kind == "dem":
-        return load_dem(scenario.terrain, source)
+        return load_dem(scenario.terrain, source, rng)
     start, goal = scenario.rover.start_m, scenario.goal.position_m
     centre = ((start[0] + goal[0]) / 2.0, (start[1] + goal[1]) / 2.0)
-    return synthesise(scenario.terrain, centre, _generator(seed, Stream.TERRAIN))
+    return Elevation(synthesise(scenario.terrain, centre, rng))
 
 
 def random_rocks(scenario: Scenario, ground: HeightField, seed: int, source: str) -> RockField:

@@ -37,6 +37,7 @@ class Terrain(_Table, frozen=True):
     crop_m: tuple[float, float, float, float] | None = None
     resample: Literal["bilinear", "bicubic"] = "bicubic"
     height_range_m: tuple[float, float] | None = None
+    detail_m: float = 0.0  # kind "dem": rms of seeded relief finer than the file's own grid
 
 
 class Rocks(_Table, frozen=True):
@@ -130,6 +131,9 @@ class Origin(_Table, frozen=True):
     altitude_m: float = 1380.0
 
 
+DEFAULT_ORIGIN = Origin()
+
+
 class Scenario(_Table, frozen=True):
     """A whole scenario file."""
 
@@ -144,7 +148,7 @@ class Scenario(_Table, frozen=True):
     sensors: Sensors = Sensors()
     camera: Camera = Camera()
     sun: Sun = Sun()
-    origin: Origin = Origin()
+    origin: Origin | None = None  # None: that of the elevation file, or the default one
 
 
 # Smallest and largest allowed number of every key; a list's numbers share one range.
@@ -159,6 +163,7 @@ LIMITS: dict[str, tuple[float, float]] = {
     "terrain.relief_m": (0.0, 50.0),
     "terrain.crop_m": (-1e5, 1e5),
     "terrain.height_range_m": (-1e4, 1e5),
+    "terrain.detail_m": (0.0, 0.5),
     "rocks.cfa": (0.0, 0.30),  # more cannot be laid at random without overlap
     "rocks.min_diameter_m": (0.01, 5.0),
     "rocks.max_diameter_m": (0.01, 10.0),
@@ -253,6 +258,10 @@ def check_scenario(scenario: Scenario, source: str) -> None:
 def _check_terrain(terrain: Terrain, source: str) -> None:
     if terrain.kind == "dem" and terrain.path is None:
         raise ScenarioError(f'{source}: terrain.path: this key is required with terrain.kind = "dem"')
+    if terrain.kind != "dem" and terrain.detail_m:
+        raise ScenarioError(
+            f'{source}: terrain.detail_m = {terrain.detail_m:g}: only elevation files, terrain.kind = "dem", take it'
+        )
     if terrain.crop_m and (terrain.crop_m[0] >= terrain.crop_m[2] or terrain.crop_m[1] >= terrain.crop_m[3]):
         raise ScenarioError(
             f"{source}: terrain.crop_m = {list(terrain.crop_m)}: must be [x0, y0, x1, y1], x0 < x1, y0 < y1"

@@ -9,6 +9,7 @@ import re
 import tomllib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
+from types import UnionType
 from typing import Any, Literal, TypeVar, get_args, get_origin
 
 import msgspec
@@ -92,7 +93,9 @@ def _check_keys(table: Mapping[str, Any], structure: type[msgspec.Struct], prefi
 
 
 def _inner_structure(kind: Any) -> type[msgspec.Struct] | None:
-    """The structure that a field holds, alone or as a list, if it holds one."""
+    """The structure that a field holds, alone, as a list or unless it is None, if it holds one."""
+    if get_origin(kind) is UnionType:
+        return _inner_structure(get_args(kind)[0])
     if isinstance(kind, type) and issubclass(kind, msgspec.Struct):
         return kind
     if get_origin(kind) is tuple:
@@ -132,7 +135,8 @@ def _look_up(path: list[str], table: Mapping[str, Any], structure: type[msgspec.
     for step in path:
         if isinstance(value, dict):
             value = value[step]
-            kind = next(field.type for field in msgspec.structs.fields(kind) if field.encode_name == step)
+            inside = msgspec.structs.fields(_inner_structure(kind) or structure)
+            kind = next(field.type for field in inside if field.encode_name == step)
         else:
             value = value[int(step)]
             arguments = get_args(kind)

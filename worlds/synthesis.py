@@ -8,8 +8,9 @@ from worlds.heightfield import grid_points
 from worlds.scenario import Terrain
 from worlds.types import FloatArray, HeightField
 
-LONGEST_WAVE_M = 12.0  # hills a rover drives over within a traverse
-SHORTEST_WAVE_M = 0.8  # shorter relief is the rocks' part; waves near a wheelbase would shake the rover without end
+# Longest and shortest wave: hills a rover drives over within a traverse, down to what is the rocks' part; waves near a
+# wheelbase would shake the rover without end.
+HILLS_M = (12.0, 0.8)
 HURST = 1.0  # height spectrum ~ f^-(2 H + 2) of a self-affine surface
 
 DUNE_STOSS_SHARE = 0.7  # of the crest distance: transverse dunes rise slowly and fall on the lee side
@@ -43,19 +44,23 @@ def tilt(field: HeightField, terrain: Terrain) -> FloatArray:
     return np.asarray(np.tan(np.radians(terrain.slope_deg)) * (x * np.cos(azimuth) + y * np.sin(azimuth)))
 
 
-def fractal(field: HeightField, rms_m: float, rng: np.random.Generator) -> FloatArray:
+def fractal(
+    field: HeightField, rms_m: float, rng: np.random.Generator, band_m: tuple[float, float] = HILLS_M
+) -> FloatArray:
     """Self-affine hills (ny, nx) of zero mean and the given rms height, by spectral synthesis.
+
+    ``band_m``: the longest and the shortest wave.
 
     The waves are drawn per wave number, shorter ones after longer, and not per cell, so the same generator gives the
     same hills on a finer grid. Source: Saupe, in The Science of Fractal Images (1988), chapter 2.
     """
     ny, nx = field.heights_m.shape
     periods = np.array([ny - 1, nx - 1]) * field.resolution_m
-    top = np.ceil(periods / SHORTEST_WAVE_M).astype(int)
+    top = np.ceil(periods / band_m[1]).astype(int)
     wave_y, wave_x = np.meshgrid(np.arange(-top[0], top[0] + 1), np.arange(top[1] + 1), indexing="ij")
     frequency = np.hypot(wave_y / periods[0], wave_x / periods[1])
     noise = rng.standard_normal(frequency.shape) + 1j * rng.standard_normal(frequency.shape)
-    amplitude = noise * _spectrum(frequency, float(periods.max()))
+    amplitude = noise * _spectrum(frequency, min(band_m[0], float(periods.max())), band_m[1])
     spectrum = np.zeros((ny - 1, (nx - 1) // 2 + 1), dtype=np.complex128)
     # Waves that the grid cannot hold are left out.
     fits = (2 * np.abs(wave_y) < ny - 1) & (2 * wave_x < nx - 1)
@@ -67,12 +72,12 @@ def fractal(field: HeightField, rms_m: float, rng: np.random.Generator) -> Float
     return np.asarray(np.pad(heights * scale, ((0, 1), (0, 1)), mode="wrap"))
 
 
-def _spectrum(frequency: FloatArray, longest_side_m: float) -> FloatArray:
-    """Amplitude of each wave: a power law from the longest wave (or the map's side) down to the shortest."""
-    lowest = 1.0 / min(LONGEST_WAVE_M, longest_side_m)
+def _spectrum(frequency: FloatArray, longest_m: float, shortest_m: float) -> FloatArray:
+    """Amplitude of each wave: a power law from the longest wave down to the shortest."""
+    lowest = 1.0 / longest_m
     safe = np.maximum(frequency, 1e-12)
     amplitude = safe ** -(HURST + 1.0) * (frequency >= lowest * (1 - 1e-9))
-    return np.asarray(amplitude * np.exp(-((frequency * SHORTEST_WAVE_M) ** 4)))
+    return np.asarray(amplitude * np.exp(-((frequency * shortest_m) ** 4)))
 
 
 def dunes(field: HeightField, terrain: Terrain, rng: np.random.Generator) -> FloatArray:

@@ -12,7 +12,7 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from worlds.scenario import Scenario
+from worlds.scenario import DEFAULT_ORIGIN, Origin, Scenario
 from worlds.soil import Soil
 
 FloatArray = NDArray[np.float64]
@@ -244,3 +244,5 @@ class World:
     start: Pose  # on the ground under the rover, turned to its heading only
     goal_w: Vector3
     soil_map: SoilMap | None = None  # None where ``soil`` lies everywhere
+    origin: Origin = DEFAULT_ORIGIN  # geographic place of x = y = z = 0
+    notes: tuple[str, ...] = ()  # one line each: what the user should know of how it was made

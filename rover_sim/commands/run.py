@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import math
 import signal
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -76,6 +77,8 @@ def execute(args: argparse.Namespace) -> int:
     options = RunOptions(connect=tuple(args.connect), realtime=args.realtime)
     with _stop_flag() as stopped, _progress_bar(scenario.name, args.seed) as show:
         world = build_world(scenario, args.seed, source=args.scenario)
+        for note in world.notes:
+            print(f"rover-sim run: {note}", file=sys.stderr)  # noqa: T201 - one line that a user must see
         run_folder.clear(output_folder(folder))
         video = folder / run_folder.VIDEO if args.record_video else None
         half_way_s = _expected_s(scenario) / 2

@@ -172,6 +172,9 @@ def summary_table(world: World) -> Table:
     table.add_row("cylinders", f"{len(world.cylinders)}")
     table.add_row("mesh faces", f"{len(world.picture_mesh.faces)}, for contact {len(world.collision_mesh.faces)}")
     table.add_row("soil", world.soil.name)
+    table.add_row("origin", f"latitude {world.origin.latitude_deg:.6f}, longitude {world.origin.longitude_deg:.6f} deg")
+    for note in world.notes:
+        table.add_row("note", note)
     return table
 
 

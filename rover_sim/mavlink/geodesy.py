@@ -11,12 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from worlds.geometry import wrap_angle
+from worlds.georeference import FLATTENING, SEMI_MAJOR_M
 from worlds.scenario import Origin
 from worlds.types import FloatArray, Vector3
 
-_SEMI_MAJOR_M = 6378137.0
-_FLATTENING = 1.0 / 298.257223563
-_ECCENTRICITY2 = _FLATTENING * (2.0 - _FLATTENING)
+_ECCENTRICITY2 = FLATTENING * (2.0 - FLATTENING)
 DEGREES_E7 = 1e7  # MAVLink's integers are degrees times this
 
 
@@ -82,7 +81,7 @@ def yaw_rad(heading_deg: float) -> float:
 
 def _earth_centred(point: GeoPoint) -> FloatArray:
     lat, lon = math.radians(point.latitude_deg), math.radians(point.longitude_deg)
-    normal = _SEMI_MAJOR_M / math.sqrt(1.0 - _ECCENTRICITY2 * math.sin(lat) ** 2)
+    normal = SEMI_MAJOR_M / math.sqrt(1.0 - _ECCENTRICITY2 * math.sin(lat) ** 2)
     across = (normal + point.altitude_m) * math.cos(lat)
     along = (normal * (1.0 - _ECCENTRICITY2) + point.altitude_m) * math.sin(lat)
     return np.array([across * math.cos(lon), across * math.sin(lon), along])
@@ -94,9 +93,9 @@ def _geographic(position: FloatArray) -> GeoPoint:
     across = math.hypot(x, y)
     lat = math.atan2(z, across * (1.0 - _ECCENTRICITY2))
     for _ in range(6):
-        normal = _SEMI_MAJOR_M / math.sqrt(1.0 - _ECCENTRICITY2 * math.sin(lat) ** 2)
+        normal = SEMI_MAJOR_M / math.sqrt(1.0 - _ECCENTRICITY2 * math.sin(lat) ** 2)
         lat = math.atan2(z + _ECCENTRICITY2 * normal * math.sin(lat), across)
-    normal = _SEMI_MAJOR_M / math.sqrt(1.0 - _ECCENTRICITY2 * math.sin(lat) ** 2)
+    normal = SEMI_MAJOR_M / math.sqrt(1.0 - _ECCENTRICITY2 * math.sin(lat) ** 2)
     # This form of the height stays exact at the poles, unlike across / cos(lat) - normal.
     altitude = across * math.cos(lat) + z * math.sin(lat) - normal * (1.0 - _ECCENTRICITY2 * math.sin(lat) ** 2)
     return GeoPoint(math.degrees(lat), math.degrees(math.atan2(y, x)), altitude)
