@@ -80,7 +80,9 @@ def main() -> None:
         print(json.dumps(measure(options.sides[0], options.cfa)))
         return
     stages = ("import", "build", "simulation", "renderer", "first_frame")
-    print("side m    rocks  " + "  ".join(f"{name:>11}" for name in (*stages, "start s", "peak MB", "frame ms", "x real")))
+    print(
+        "side m    rocks  " + "  ".join(f"{name:>11}" for name in (*stages, "start s", "peak MB", "frame ms", "x real"))
+    )
     for side in options.sides:
         command = [sys.executable, __file__, str(side), "--cfa", str(options.cfa), "--one"]
         environment = os.environ | {"OMP_NUM_THREADS": "1"}
