@@ -261,8 +261,8 @@ def wheel_forces(
             own[SHEAR_X] = own[SHEAR_Y] = own[PUSHED] = 0.0
             if elastic < -_CLEAR:  # fresh soil next time
                 own[SINKAGE] *= exp(-dt / _FORGET_S)
-        # Forces act at the bottom of the rim. The normal force moves ahead of the axle by as much as gives the torque of a
-        # thrust at the shearing radius and of a drag at the hub.
+        # Forces act at the bottom of the rim. The normal force moves ahead of the axle by what gives the torque of
+        # a thrust at the shearing radius and of a drag at the hub.
         arm = radius - max(elastic, 0.0)
         shift = (drag * arm + thrust * (shear_radius - arm)) / load if load > 0.0 else 0.0
         for k in range(3):
