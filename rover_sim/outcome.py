@@ -35,23 +35,22 @@ class Limits:
     impact_m_s: float = 0.20  # closing speed at which a touch of the body counts as a crash
     pressing_s: float = 1.0  # the body leans on a rock for this long without a break
     touch_gap_s: float = 0.5  # a touch of the same rock after such a pause is a new collision
-    embedded_slip: float = 0.90
-    embedded_s: float = 5.0  # all wheels spin for this long
+    embedded_s: float = 5.0  # at least half of the wheels turn for this long while they are embedding
 
 
 @dataclass(frozen=True)
 class Strain:
-    """How long the rover has leaned on a rock, and how long it has spun without moving."""
+    """How long the rover has leaned on a rock, and how long it has dug itself in."""
 
     pressing_s: float = 0.0
-    spinning_s: float = 0.0
+    digging_s: float = 0.0
 
 
-def advance_strain(strain: Strain, limits: Limits, *, touching: bool, mean_slip: float, step_s: float) -> Strain:
-    """``strain`` after ``step_s`` more of touching a rock and of slipping by ``mean_slip``."""
+def advance_strain(strain: Strain, *, touching: bool, digging: bool, step_s: float) -> Strain:
+    """``strain`` after ``step_s`` more of touching a rock or not, and of digging in or not."""
     return Strain(
         strain.pressing_s + step_s if touching else 0.0,
-        strain.spinning_s + step_s if mean_slip >= limits.embedded_slip else 0.0,
+        strain.digging_s + step_s if digging else 0.0,
     )
 
 
@@ -61,7 +60,7 @@ def verdict(strain: Strain, limits: Limits, *, tilt_rad: float, impact_m_s: floa
         return Reason.TIPPED
     if impact_m_s > limits.impact_m_s or strain.pressing_s > limits.pressing_s:
         return Reason.COLLISION
-    if strain.spinning_s > limits.embedded_s:
+    if strain.digging_s > limits.embedded_s:
         return Reason.EMBEDDED
     return None
 
@@ -75,13 +74,17 @@ class Judge:
     collisions: int = 0
     _touched_s: dict[int, float] = field(default_factory=dict)
 
-    def look(self, state: VehicleState, contacts: Sequence[BodyContact], step_s: float) -> Reason | None:
-        """The reason to end now, or None, from the state and the contacts of the hull in the last ``step_s``."""
+    def look(
+        self, state: VehicleState, contacts: Sequence[BodyContact], step_s: float, *, digging: bool
+    ) -> Reason | None:
+        """The reason to end now, or None, from the state and the contacts of the hull in the last ``step_s``.
+
+        ``digging``: see `mobility_events.MobilityLog.digging`.
+        """
         for contact in contacts:
             last_s = self._touched_s.get(contact.obstacle_id, -np.inf)
             self.collisions += contact.time_s - last_s > self.limits.touch_gap_s
             self._touched_s[contact.obstacle_id] = contact.time_s
-        slip = float(np.abs(state.slip).mean())
-        self.strain = advance_strain(self.strain, self.limits, touching=bool(contacts), mean_slip=slip, step_s=step_s)
+        self.strain = advance_strain(self.strain, touching=bool(contacts), digging=digging, step_s=step_s)
         impact = max((contact.impact_speed_m_s for contact in contacts), default=0.0)
         return verdict(self.strain, self.limits, tilt_rad=state.tilt_rad, impact_m_s=impact)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -10,7 +12,9 @@ from numpy.typing import NDArray
 
 from rover_sim import __version__
 from rover_sim.outcome import Reason
+from rover_sim.sim.mobility_events import Kind, MobilityEvent
 
+EVENTS_LISTED = 200  # the counts go on
 ROLLING_M_S = 0.05  # below this rim speed a slip ratio says nothing
 
 
@@ -75,6 +79,23 @@ def motion_figures(trace: dict[str, NDArray[np.float64]], identity: Identity) ->
     }
 
 
+def event_figures(events: Sequence[MobilityEvent]) -> dict[str, Any]:
+    """How many mobility events of each kind there were, and the first of them one by one."""
+    counts = Counter(event.kind for event in events)
+    return {
+        "event_counts": {kind.value: counts[kind] for kind in Kind},
+        "events": [
+            {
+                "kind": event.kind.value,
+                "time_s": _rounded(event.time_s),
+                "position_m": [_rounded(value, 3) for value in event.position_m],
+                "wheel": event.wheel,
+            }
+            for event in events[:EVENTS_LISTED]
+        ],
+    }
+
+
 def summarize(
     trace: dict[str, NDArray[np.float64]],
     identity: Identity,
@@ -84,6 +105,7 @@ def summarize(
     wall_time_s: float,
     ttam: float | None,
     detail: str,
+    events: Sequence[MobilityEvent],
 ) -> dict[str, Any]:
     """All keys of ``summary.json``; ``detail`` is the sentence for a person behind ``reason``."""
     sim_time_s = float(trace["time_s"][-1])
@@ -98,6 +120,7 @@ def summarize(
         "real_time_factor": _rounded(sim_time_s / wall_time_s, 2) if wall_time_s > 0 else None,
         **motion_figures(trace, identity),
         **asdict(counts),
+        **event_figures(events),
         "ttam": None if ttam is None else _rounded(ttam, 2),
         "version": __version__,
     }

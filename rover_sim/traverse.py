@@ -19,11 +19,12 @@ from rover_sim.onboard import OnboardComputer, Sight
 from rover_sim.outcome import Judge, Reason
 from rover_sim.pacing import WallClock
 from rover_sim.scoring import ClassScore
+from rover_sim.sim.mobility_events import MobilityEvent, MobilityLog, active_kinds
 from rover_sim.sim.recorder import TraceRecorder
 from rover_sim.sim.renderer import add_noise, make_renderer
 from rover_sim.sim.rover import RoverModel
 from rover_sim.sim.simulation import Simulation
-from rover_sim.sim.vehicle_state import VehicleState
+from rover_sim.sim.vehicle_state import VehicleState, trace_columns
 from rover_sim.summary import Identity, summarize
 from worlds.geometry import camera_pose
 from worlds.types import Frame, World
@@ -65,6 +66,7 @@ class Traverse:
         self._sensor_model = SensorModel(gravity_m_s2=scenario.gravity_m_s2)
         self._camera_rng = np.random.default_rng([world.seed, CAMERA_STREAM])
         self.recorder, self._judge, self._classes = TraceRecorder(), Judge(), ClassScore()
+        self._mobility = MobilityLog(rover, scenario.gravity_m_s2)
         home = (*scenario.rover.start_m, float(world.start.position_w[2]))
         self._autopilot = Autopilot(self._footprint, home)
         self._stack = MavlinkStack(world.origin, self._autopilot, options.connect, tlog)
@@ -129,7 +131,13 @@ class Traverse:
             wall_time_s=wall_time_s,
             ttam=self._classes.ttam(),
             detail=detail,
+            events=self.events,
         )
+
+    @property
+    def events(self) -> list[MobilityEvent]:
+        """What befell the rover so far."""
+        return self._mobility.events
 
     def save_mission(self, waypoints: Path, plan: Path) -> None:
         """Write the mission that the vehicle holds, in both of QGroundControl's formats."""
@@ -172,10 +180,11 @@ class Traverse:
 
     def _observe(self) -> tuple[Reason, str] | None:
         """Record the true state and judge it."""
-        state = self._simulation.state
+        state, step_s = self._simulation.state, TRACE_STEPS / STEPS_PER_S
+        self._mobility.look(state, step_s)
         self._record(state)
         contacts = self._simulation.take_contacts()
-        reason = self._judge.look(state, contacts, TRACE_STEPS / STEPS_PER_S)
+        reason = self._judge.look(state, contacts, step_s, digging=self._mobility.digging(state))
         if reason is not None:
             touched = f"touched obstacle {contacts[0].obstacle_id}" if contacts else ""
             return reason, touched
@@ -202,22 +211,8 @@ class Traverse:
     def _record(self, state: VehicleState) -> None:
         motion, status = self._autopilot.motion, self._stack.companion.status
         self.recorder.add(
-            time_s=state.time_s,
-            position_w=state.pose.position_w,
-            quaternion_w=state.pose.quaternion_w,
-            velocity_w=state.linear_velocity_w,
-            angular_velocity_w=state.angular_velocity_w,
-            wheel_speed=state.wheel_speed_rad_s,
-            slip=state.slip,
-            slip_angle=state.slip_angle_rad,
-            sinkage=state.sinkage_m,
-            normal_force=state.normal_force_N,
-            drawbar=state.drawbar_N,
-            wheel_torque=state.wheel_torque_Nm,
-            power_W=state.power_W,
-            energy_J=state.energy_J,
-            stability_margin=state.stability_margin,
-            belly_contact=state.belly_contact,
+            **trace_columns(state),
+            **{kind.value: lasts for kind, lasts in active_kinds(self._mobility.memory).items()},
             command=(motion.linear_m_s, motion.yaw_rate_rad_s),
             wheel_command=self._wheel_speeds,
             estimate_position_w=self._estimate.pose.position_w,

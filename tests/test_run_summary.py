@@ -57,7 +57,9 @@ def _trace() -> TraceRecorder:
 
 def _summary(reason: Reason = Reason.GOAL) -> dict[str, object]:
     identity = Identity("demo", 7, (0.0, 0.0), (3.0, 4.5), 0.1)
-    return summarize(_trace().arrays(), identity, Counts(collisions=1), reason, wall_time_s=0.5, ttam=None, detail="")
+    return summarize(
+        _trace().arrays(), identity, Counts(collisions=1), reason, wall_time_s=0.5, ttam=None, detail="", events=[]
+    )
 
 
 def test_the_summary_has_every_contract_key() -> None:
@@ -95,7 +97,7 @@ def test_leaning_on_a_rock_is_a_collision_after_a_second_without_a_break() -> No
     limits = Limits()
     strain = Strain()
     for touching in [True] * 8 + [False] + [True] * 9:
-        strain = advance_strain(strain, limits, touching=touching, mean_slip=0.0, step_s=0.125)
+        strain = advance_strain(strain, touching=touching, digging=False, step_s=0.125)
         assert verdict(strain, limits, tilt_rad=0.0, impact_m_s=0.0) is (
             Reason.COLLISION if strain.pressing_s > 1.0 else None
         )
@@ -103,7 +105,7 @@ def test_leaning_on_a_rock_is_a_collision_after_a_second_without_a_break() -> No
 
 
 def test_the_gravest_reason_comes_first() -> None:
-    strain = Strain(pressing_s=5.0, spinning_s=50.0)
+    strain = Strain(pressing_s=5.0, digging_s=50.0)
     assert verdict(strain, Limits(), tilt_rad=1.2, impact_m_s=1.0) is Reason.TIPPED
     assert verdict(strain, Limits(), tilt_rad=0.2, impact_m_s=1.0) is Reason.COLLISION
     assert verdict(Strain(0.0, 50.0), Limits(), tilt_rad=0.2, impact_m_s=0.0) is Reason.EMBEDDED

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -10,10 +11,13 @@ from rover_sim.sim.bullet import pybullet
 from rover_sim.sim.obstacle_index import ObstacleIndex
 from rover_sim.sim.vehicle_state import BodyContact
 from rover_sim.sim.world import CHASSIS, RoverBody
-from worlds.types import FloatArray, World
+from worlds.types import BoolArray, FloatArray, Vector3, World
 
 # Places in a contact point of getContactPoints(bodyA=rover).
 _LINK, _POINT, _NORMAL_TO_ROVER, _DISTANCE, _FORCE = 3, 5, 7, 8, 9
+
+_STEEP = 0.5  # level part of a contact normal: the face is steeper than 30 degrees
+_OPPOSITE = -0.5  # cosine between two such directions: at least 120 degrees apart
 
 
 class ContactReader:
@@ -22,7 +26,7 @@ class ContactReader:
     def __init__(self, client: int, rover: RoverBody, world: World, obstacles: tuple[int, ...]) -> None:
         self._client, self._rover = client, rover
         self._any = bool(obstacles)
-        self._index = ObstacleIndex(world.collision_mesh)
+        self.obstacles = ObstacleIndex(world.collision_mesh)
         self._wheel_place = {link: place for place, link in enumerate(rover.wheels)}
         self._before: FloatArray = np.zeros(13)
         self._now: list[tuple[Any, ...]] = []
@@ -63,12 +67,32 @@ class ContactReader:
 
     def wheel_ids(self) -> tuple[int, ...]:
         """Obstacles that wheels touch."""
-        touched = {self._index.nearest(point[_POINT]) for point in self._now if point[_LINK] in self._wheel_place}
+        touched = {self.obstacles.nearest(point[_POINT]) for point in self._now if point[_LINK] in self._wheel_place}
         return tuple(sorted(touched))
+
+    def wedged(self) -> BoolArray:
+        """Which wheels (n,) are pressed from two sides, by obstacles whose level directions are far apart."""
+        wheels = np.zeros(len(self._wheel_place), dtype=np.bool_)
+        for place, points in self._by_wheel().items():
+            level = [np.hypot(normal[0], normal[1]) for normal in points]
+            wheels[place] = any(
+                a[0] * b[0] + a[1] * b[1] < _OPPOSITE * la * lb
+                for (a, la), (b, lb) in combinations(zip(points, level, strict=True), 2)
+                if min(la, lb) > _STEEP
+            )
+        return wheels
+
+    def _by_wheel(self) -> dict[int, list[Vector3]]:
+        """Contact normals toward the wheel, by the wheel's place."""
+        normals: dict[int, list[Vector3]] = {}
+        for point in self._now:
+            if point[_LINK] in self._wheel_place:
+                normals.setdefault(self._wheel_place[point[_LINK]], []).append(point[_NORMAL_TO_ROVER])
+        return normals
 
     def _body_contact(self, point: tuple[Any, ...], time_s: float) -> BodyContact:
         position = np.array(point[_POINT])
         velocity = self._before[7:10] + np.cross(self._before[10:13], position - self._before[:3])
         speed = max(-float(velocity @ np.array(point[_NORMAL_TO_ROVER])), 0.0)
         where = (float(position[0]), float(position[1]), float(position[2]))
-        return BodyContact(self._index.nearest(where), time_s, speed, float(point[_FORCE]), where)
+        return BodyContact(self.obstacles.nearest(where), time_s, speed, float(point[_FORCE]), where)

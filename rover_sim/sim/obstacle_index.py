@@ -12,22 +12,30 @@ _REACH_M = 0.25  # a contact may lie this far outside the box around an obstacle
 
 
 class ObstacleIndex:
-    """Finds the obstacle whose vertices are nearest to a point."""
+    """The obstacles of a mesh one by one; finds the one whose vertices are nearest to a point.
+
+    Obstacle i has ``vertices[starts[i] : starts[i + 1]]`` and ``faces[face_starts[i] : face_starts[i + 1]]`` (into
+    ``mesh_vertices``), and lies ``_REACH_M`` inside the box ``low[i]`` to ``high[i]``.
+    """
 
     def __init__(self, mesh: TriangleMesh) -> None:
         count = max(len(mesh.vertices_m), 1)
         # Each vertex once per obstacle, as one number: sorting pairs of columns takes ten times as long.
         pairs = np.unique(np.repeat(mesh.owner, 3).astype(np.int64) * count + mesh.faces.ravel())
         self._ids, starts = np.unique(pairs // count, return_index=True)
-        self._starts = np.append(starts, len(pairs)).astype(np.int64)
-        self._vertices = np.ascontiguousarray(mesh.vertices_m[pairs % count], dtype=np.float64).reshape(-1, 3)
-        self._low, self._high = _boxes(self._vertices, self._starts)
+        self.starts = np.append(starts, len(pairs)).astype(np.int64)
+        self.mesh_vertices = np.ascontiguousarray(mesh.vertices_m, dtype=np.float64).reshape(-1, 3)
+        self.vertices = self.mesh_vertices[pairs % count].reshape(-1, 3) if len(pairs) else self.mesh_vertices[:0]
+        self.low, self.high = _boxes(self.vertices, self.starts)
+        order = np.argsort(mesh.owner, kind="stable")
+        self.faces = np.ascontiguousarray(mesh.faces[order], dtype=np.int32).reshape(-1, 3)
+        self.face_starts = np.append(np.searchsorted(mesh.owner[order], self._ids), len(order)).astype(np.int64)
 
     def nearest(self, point_w: Vector3) -> int:
         """Id of the obstacle at a point of contact; 0 if there is none within reach."""
         if not len(self._ids):
             return 0
-        place = _nearest(self._vertices, self._starts, self._low, self._high, *point_w)
+        place = _nearest(self.vertices, self.starts, self.low, self.high, *point_w)
         return int(self._ids[place]) if place >= 0 else 0
 
 

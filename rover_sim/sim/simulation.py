@@ -16,12 +16,14 @@ from rover_sim.sim.rover import RoverModel
 from rover_sim.sim.rover_ground import RoverGround
 from rover_sim.sim.sensors import Sensors
 from rover_sim.sim.soil_kernels import FORCE, POINT
+from rover_sim.sim.surroundings import Surroundings
 from rover_sim.sim.vehicle_state import BodyContact, VehicleState
-from worlds.types import SensorReadings, World
+from worlds.types import SensorReadings, Vector3, World
 
 _SETTLE_S = 4.0  # at most
 _STILL_SPEED = 2e-4  # m/s and rad/s
 _ACCELERATION_STEPS = 12  # over which the acceleration of the stability measure is taken
+_NO_PUSH = (0.0, 0.0, 0.0)
 
 
 class Simulation:
@@ -42,9 +44,11 @@ class Simulation:
         pose = placement.resting_pose(world.ground, world.start, rover, self._ground.soil, gravity)
         self._body = physics.add_rover(self._client, rover, pose)
         self._contacts = ContactReader(self._client, self._body, world, physics.add_obstacles(self._client, world))
+        self._around = Surroundings(self._contacts.obstacles, rover)
         self._sensors = Sensors(world.scenario.sensors.gnss, gravity, rover, rng)
         self._wheel_targets = [0.0] * len(self._body.wheels)
         self._recent_motion: deque[truth.Motion] = deque(maxlen=_ACCELERATION_STEPS)
+        self._pushed: Vector3 = _NO_PUSH
         self._seen: VehicleState | None = None
         self._start_clock()
         physics.drive_wheels(self._client, self._body, self._wheel_targets, rover.motor.max_torque_Nm)
@@ -80,6 +84,14 @@ class Simulation:
         if self._seen is None:
             self._seen = truth.observe(self._snapshot())
         return self._seen
+
+    def push(self, force_w: Vector3) -> None:
+        """A force (N) from outside on the chassis' centre of mass during the next step: a gust, a pull, a blow."""
+        client, body, centre = self._client, self._body.body, self._ground.raw[:3].tolist()
+        pybullet.applyExternalForce(
+            body, physics.CHASSIS, force_w, centre, pybullet.WORLD_FRAME, physicsClientId=client
+        )
+        self._pushed = force_w
 
     def read_sensors(self) -> SensorReadings:
         """What the rover's own sensors say now, averaged over the time since the last reading where they do so."""
@@ -160,7 +172,8 @@ class Simulation:
         self._wheel_speeds = [joint[1] for joint in joints]
         self._torques = [joint[3] for joint in joints]
         raw[:] = (*position, *quaternion, *velocity, *rate, *self._wheel_speeds)
-        self._recent_motion.append((velocity, rate))
+        self._recent_motion.append((velocity, rate, self._pushed))
+        self._pushed = _NO_PUSH
 
     def _account(self) -> None:
         work = sum(max(torque * speed, 0.0) for torque, speed in zip(self._torques, self._wheel_speeds, strict=True))
@@ -173,7 +186,10 @@ class Simulation:
             dt=self.dt,
             gravity_m_s2=self.world.scenario.gravity_m_s2,
             rover=self.rover,
-            ground=self.world.ground,
+            field=self.world.ground,
+            ground=self._ground.soil.ground,
+            grid=self._ground.soil.grid,
+            around=self._around,
             raw=self._ground.raw.copy(),
             wheels=self._ground.soil.result.copy(),
             rock_loads_N=self._contacts.wheel_loads(),
@@ -183,5 +199,6 @@ class Simulation:
             belly_contact=self._belly,
             body_contacts=self._contacts.body,
             wheel_contacts=self._contacts.wheel_ids(),
+            wedged=self._contacts.wedged(),
             motion=tuple(self._recent_motion),
         )

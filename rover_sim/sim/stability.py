@@ -9,15 +9,25 @@ from numba import njit
 from worlds.types import FloatArray, Vector3
 
 
-@njit(cache=True)
 def force_angle(contacts: FloatArray, centre: FloatArray, force: FloatArray, moment: FloatArray) -> float:
     """Smallest of angle x lever x force over the tip-over axes, N m; negative while the rover tips.
+
+    Arguments as in `least_stable_axis`.
+    """
+    return float(least_stable_axis(contacts, centre, force, moment)[0])
+
+
+@njit(cache=True)
+def least_stable_axis(
+    contacts: FloatArray, centre: FloatArray, force: FloatArray, moment: FloatArray
+) -> tuple[float, int]:
+    """The force-angle measure (N m) and its axis: i from contact i to the next.
 
     ``contacts`` (m, 3) clockwise seen from above; ``centre`` (3,) of mass; ``force`` and ``moment`` (3,) on the
     vehicle without the ground's reactions (gravity minus mass times acceleration, and pushes from outside).
     """
     count = contacts.shape[0]
-    least = 1e300
+    least, place = 1e300, 0
     for i in range(count):
         j = (i + 1) % count
         axis = _unit(
@@ -27,8 +37,9 @@ def force_angle(contacts: FloatArray, centre: FloatArray, force: FloatArray, mom
         push = _across(axis, (force[0], force[1], force[2]))
         turning = axis[0] * moment[0] + axis[1] * moment[1] + axis[2] * moment[2]
         measure = _about_axis(axis, lever, push, turning)
-        least = min(least, measure)
-    return least
+        if measure < least:
+            least, place = measure, i
+    return least, place
 
 
 @njit(cache=True)

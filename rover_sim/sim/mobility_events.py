@@ -1,0 +1,222 @@
+"""Named events of mobility, found in the true state: what befell the rover, when, where and at which wheel.
+
+Each condition has a level at which it begins and a laxer one at which it ends, and must hold for some time or wheel
+travel, so that one event is reported once. The slip stop of 40 % within one wheel revolution is that of the Mars
+Exploration Rovers, the tip-over margin that of Papadopoulos and Rey (2000); no public definition of trap, support loss,
+high-centring and embedding was found: those are ours.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+from math import pi
+
+import numpy as np
+
+from rover_sim.sim.rover import RoverModel
+from rover_sim.sim.vehicle_state import VehicleState
+from worlds.geometry import rotation_from_quaternion
+from worlds.types import BoolArray, FloatArray, Vector3
+
+
+class Kind(StrEnum):
+    """What can befall a rover; the values are those of ``summary.json`` and the names of the trace's columns."""
+
+    TRACTION_LOSS = "traction_loss"  # a wheel turns in vain, or slides
+    WHEEL_TRAP = "wheel_trap"  # a wheel turns in vain in a pit, a gap between rocks, or wedged
+    SUPPORT_LOSS = "support_loss"  # a wheel carries next to nothing
+    HIGH_CENTRED = "high_centred"  # the belly rests on ground or rock
+    TIP_OVER = "imminent_tip_over"  # the rover is about to roll or pitch over
+    EMBEDDING = "embedding"  # a wheel slips past the stop limit and still sinks
+
+
+KINDS = tuple(Kind)
+TRACTION_LOSS, WHEEL_TRAP, SUPPORT_LOSS, HIGH_CENTRED, TIP_OVER, EMBEDDING = range(len(KINDS))  # rows
+
+
+@dataclass(frozen=True)
+class MobilityEvent:
+    """One event at its beginning."""
+
+    kind: Kind
+    time_s: float
+    position_m: Vector3  # of the hub or, for an event of the whole rover, of the body
+    wheel: int | None  # place in the rover file; None: the whole rover
+
+
+@dataclass(frozen=True)
+class MobilityLimits:
+    """Where events begin and end."""
+
+    slip: float = 0.40  # the stop limit; a rover on 15 degrees of loose sand stays just under it
+    slip_over: float = 0.30
+    slip_revolutions: float = 0.5  # of the wheel; one revolution is the time allowed, half is left to stop
+    least_speed_m_s: float = 0.05  # of rim or hub; below it a slip ratio says nothing
+    load: float = 0.05  # share of the wheel's static load
+    load_over: float = 0.10
+    unloaded_s: float = 0.2  # a wheel that hops over a stone at 0.5 m/s is in the air for less
+    clearance_m: float = 0.001  # zero, but for the margin at which obstacles are felt
+    clearance_over_m: float = 0.01
+    resting_s: float = 0.1  # a brush of the belly is shorter
+    pit_radii: float = 0.3  # depth of a pit, in wheel radii
+    pit_over_radii: float = 0.2
+    vain_radii: float = 1.0  # wheel travel lost in the pit; rolling through at 20 % slip loses less
+    growth_m: float = 0.003  # of the sinkage since slip went over the limit; load shifts make less of it
+    margin: float = 0.15  # force-angle measure; about 0 from when wheels leave the ground until it is too late
+    margin_over: float = 0.30
+    tipping_s: float = 0.05  # two looks: one alone is a jolt
+    ended_s: float = 0.5  # the laxer level must be kept for this long
+
+
+@dataclass(frozen=True)
+class Standards:
+    """What the limits are measured in: one rover under one gravity."""
+
+    radius_m: float
+    shear_radius_m: float
+    static_load_N: float  # of a wheel
+    sideways_m: tuple[float, ...]  # of the wheels, times the effective track ratio
+
+    @classmethod
+    def of(cls, rover: RoverModel, gravity_m_s2: float) -> Standards:
+        """The standards of a rover; its weight rests equally on all wheels."""
+        places = rover.wheel.positions_m
+        return cls(
+            rover.wheel.radius_m,
+            rover.wheel_shape().shear_radius_m,
+            rover.mass_kg * gravity_m_s2 / len(places),
+            tuple(rover.drive.effective_track_ratio * y for _, y, _ in places),
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Memory:
+    """What is kept from look to look; arrays are (kinds, wheels + 1), the last column the whole rover."""
+
+    active: BoolArray
+    built_up: FloatArray  # toward the beginning, s or m of wheel travel
+    faded_s: FloatArray  # toward the end
+    least_sinkage_m: FloatArray  # (wheels,) since slip went over the limit
+
+
+@dataclass(frozen=True, eq=False)
+class Signs:
+    """What one look shows; arrays as in `Memory`."""
+
+    on: BoolArray
+    off: BoolArray
+    progress: FloatArray  # of what builds up, s or m
+    mute: BoolArray  # says nothing, as the wheel stands or hangs
+    least_sinkage_m: FloatArray  # (wheels,)
+
+
+def begin(wheels: int) -> Memory:
+    """Nothing has happened yet."""
+    shape = len(KINDS), wheels + 1
+    none = np.zeros(shape, dtype=np.bool_)
+    return Memory(none, np.zeros(shape), np.zeros(shape), np.full(wheels, np.inf))
+
+
+def watch(
+    memory: Memory, state: VehicleState, standards: Standards, limits: MobilityLimits, step_s: float
+) -> tuple[Memory, tuple[MobilityEvent, ...]]:
+    """The memory after a look at ``state``, ``step_s`` after the one before, and the events that begin with it."""
+    signs = read_signs(memory, state, standards, limits, step_s)
+    built_up = np.where(signs.mute, memory.built_up, np.where(signs.on, memory.built_up + signs.progress, 0.0))
+    faded = np.where(signs.mute, memory.faded_s, np.where(signs.off, memory.faded_s + step_s, 0.0))
+    begun = ~memory.active & signs.on & ~signs.mute & (built_up >= _needed(standards, limits))
+    active = begun | (memory.active & (faded < limits.ended_s))
+    after = Memory(active, np.where(active, 0.0, built_up), faded, signs.least_sinkage_m)
+    return after, tuple(_event(row, column, state) for row, column in np.argwhere(begun)) if begun.any() else ()
+
+
+def read_signs(
+    memory: Memory, state: VehicleState, standards: Standards, limits: MobilityLimits, step_s: float
+) -> Signs:
+    """Which conditions hold and which have ceased, wheel by wheel."""
+    shape = memory.active.shape
+    on, off, mute = (np.zeros(shape, dtype=np.bool_) for _ in range(3))
+    progress = np.full(shape, step_s)
+    rim, hub = rolling_speeds(state, standards)
+    speed, lost = np.maximum(np.abs(rim), np.abs(hub)), np.abs(rim - hub)
+    slip = lost / np.maximum(speed, limits.least_speed_m_s)
+    load = state.normal_force_N / standards.static_load_N
+    slipping, gripping = slip >= limits.slip, slip < limits.slip_over
+    least = np.where(slipping, np.minimum(memory.least_sinkage_m, state.sinkage_m), np.inf)
+    pit = state.pit_depth_m / standards.radius_m
+
+    wheels = np.s_[:-1]
+    on[TRACTION_LOSS, wheels], off[TRACTION_LOSS, wheels] = slipping, gripping
+    on[WHEEL_TRAP, wheels] = (pit > limits.pit_radii) | state.wedged
+    off[WHEEL_TRAP, wheels] = (pit < limits.pit_over_radii) & ~state.wedged
+    on[SUPPORT_LOSS, wheels], off[SUPPORT_LOSS, wheels] = load < limits.load, load > limits.load_over
+    on[EMBEDDING, wheels] = slipping & (state.sinkage_m - least >= limits.growth_m)
+    off[EMBEDDING, wheels] = gripping
+    on[HIGH_CENTRED, -1] = state.belly_clearance_m <= limits.clearance_m
+    off[HIGH_CENTRED, -1] = state.belly_clearance_m > limits.clearance_over_m
+    on[TIP_OVER, -1], off[TIP_OVER, -1] = (
+        state.stability_margin < limits.margin,
+        state.stability_margin > limits.margin_over,
+    )
+
+    progress[[TRACTION_LOSS, EMBEDDING], wheels] = speed * step_s
+    progress[WHEEL_TRAP, wheels] = np.where(np.abs(rim) > np.abs(hub), lost, 0.0) * step_s
+    mute[[TRACTION_LOSS, EMBEDDING], wheels] = (speed < limits.least_speed_m_s) | (load < limits.load)
+    return Signs(on, off, progress, mute, least)
+
+
+def rolling_speeds(state: VehicleState, standards: Standards) -> tuple[FloatArray, FloatArray]:
+    """Speeds (wheels,) of the rims, and those at which rims would have to turn for the motion of the body.
+
+    A skid-steer rover turns slower than its wheel speeds say; this much is part of turning and no loss of traction,
+    so the sides are judged by the effective track, as the rover's own monitor does.
+    """
+    axes = rotation_from_quaternion(state.pose.quaternion_w)
+    forward = float(axes[:, 0] @ state.linear_velocity_w)
+    yaw_rate = float(axes[:, 2] @ state.angular_velocity_w)
+    return state.wheel_speed_rad_s * standards.shear_radius_m, forward - yaw_rate * np.array(standards.sideways_m)
+
+
+def active_kinds(memory: Memory) -> dict[Kind, bool]:
+    """Which kinds of events last at the moment, at any wheel."""
+    return dict(zip(KINDS, memory.active.any(axis=1).tolist(), strict=True))
+
+
+def _needed(standards: Standards, limits: MobilityLimits) -> FloatArray:
+    """Time or wheel travel (kinds, 1) for which each condition must hold."""
+    needed = np.empty((len(KINDS), 1))
+    needed[[TRACTION_LOSS, EMBEDDING]] = limits.slip_revolutions * 2.0 * pi * standards.shear_radius_m
+    needed[WHEEL_TRAP] = limits.vain_radii * standards.radius_m
+    needed[SUPPORT_LOSS] = limits.unloaded_s
+    needed[HIGH_CENTRED] = limits.resting_s
+    needed[TIP_OVER] = limits.tipping_s
+    return needed
+
+
+def _event(row: int, column: int, state: VehicleState) -> MobilityEvent:
+    wheels = len(state.hubs_w)
+    x, y, z = (state.hubs_w[column] if column < wheels else state.pose.position_w).tolist()
+    return MobilityEvent(KINDS[row], state.time_s, (x, y, z), int(column) if column < wheels else None)
+
+
+class MobilityLog:
+    """Watches one traverse and keeps what happened."""
+
+    def __init__(self, rover: RoverModel, gravity_m_s2: float, limits: MobilityLimits | None = None) -> None:
+        self.events: list[MobilityEvent] = []
+        self._standards = Standards.of(rover, gravity_m_s2)
+        self._limits = limits or MobilityLimits()
+        self.memory = begin(len(rover.wheel.positions_m))
+
+    def look(self, state: VehicleState, step_s: float) -> tuple[MobilityEvent, ...]:
+        """Events that begin with this look."""
+        self.memory, begun = watch(self.memory, state, self._standards, self._limits, step_s)
+        self.events += begun
+        return begun
+
+    def digging(self, state: VehicleState) -> bool:
+        """Whether at least half of the wheels are embedding, and turn."""
+        rim, _ = rolling_speeds(state, self._standards)
+        turning = np.abs(rim) > self._limits.least_speed_m_s
+        return bool(2 * np.count_nonzero(self.memory.active[EMBEDDING, :-1] & turning) >= len(turning))
