@@ -18,8 +18,9 @@ from rover_sim.sim.simulation import Simulation
 from rover_sim.sim.world import TIME_STEP_S
 from worlds.geometry import quaternion_from_euler
 from worlds.scenario import Scenario, SoilChoice
+from worlds.shapes import NO_ROCKS, SolidShapes
 from worlds.soil import soil_preset
-from worlds.types import HeightField, Pose, TriangleMesh, World
+from worlds.types import HeightField, Pose, World
 
 Band = tuple[float, float]
 # Slip-slope bands of published curves: loose sand (Sutoh form, EX1), firm natural ground (Cuadriga field data).
@@ -35,7 +36,6 @@ BANDS: dict[str, dict[float, Band]] = {
     },
     "firm": {0: (-0.03, 0.03), 5: (-0.03, 0.03), 10: (-0.04, 0.04), 15: (0.02, 0.12), 20: (0.12, 0.28)},
 }
-_NO_MESH = TriangleMesh(np.zeros((0, 3)), np.zeros((0, 3), np.int32), np.zeros(0, np.int32))
 
 
 def tilted_world(slope_deg: float, soil: str, gravity: float, azimuth_deg: float = 0.0) -> World:
@@ -45,7 +45,9 @@ def tilted_world(slope_deg: float, soil: str, gravity: float, azimuth_deg: float
     ground = HeightField(rise * tan(radians(slope_deg)), 0.1, (-8.0, -8.0))
     scenario = Scenario(name="slope", gravity_m_s2=gravity, soil=SoilChoice(preset=soil))
     start = Pose(np.zeros(3), quaternion_from_euler(0.0, 0.0, 0.0))
-    return World(scenario, 0, ground, (), (), _NO_MESH, _NO_MESH, soil_preset(soil), start, (5.0, 0.0, 0.0))
+    return World(
+        scenario, 0, ground, NO_ROCKS, (), SolidShapes(NO_ROCKS, (), ground), soil_preset(soil), start, (5.0, 0.0, 0.0)
+    )
 
 
 def climb(rover: RoverModel, world: World, slope_deg: float, speed_m_s: float = 0.1, dt: float = TIME_STEP_S) -> float:

@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from tests.prepared_shapes import PreparedShapes
 from worlds.geometry import camera_pose, quaternion_from_euler
 from worlds.scenario import Camera, Rocks, Scenario, Sun
 from worlds.soil import soil_preset
@@ -17,6 +18,7 @@ from worlds.types import (
     Pose,
     Rock,
     RockShape,
+    RockTable,
     TriangleMesh,
     World,
 )
@@ -114,10 +116,9 @@ def world(
         scenario,
         seed,
         ground,
-        tuple(listed),
+        RockTable.of(listed),
         tuple(posts),
-        merge(fine + walls),
-        merge(coarse + walls),
+        PreparedShapes(merge(fine + walls), merge(coarse + walls)),
         soil_preset("firm"),
         start,
         (5.0, 0.0, 0.0),

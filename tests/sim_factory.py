@@ -6,12 +6,11 @@ from math import cos, radians, sin, tan
 
 import numpy as np
 
+from tests.prepared_shapes import NO_MESH, PreparedShapes
 from worlds.geometry import quaternion_from_euler
 from worlds.scenario import RoverChoice, Scenario, Sensors, SoilChoice
 from worlds.soil import soil_preset
-from worlds.types import FloatArray, HeightField, Pose, TriangleMesh, World
-
-NO_MESH = TriangleMesh(np.zeros((0, 3)), np.zeros((0, 3), np.int32), np.zeros(0, np.int32))
+from worlds.types import FloatArray, HeightField, Pose, RockTable, TriangleMesh, World
 
 
 def field(heights: FloatArray, resolution_m: float = 0.08) -> HeightField:
@@ -55,4 +54,6 @@ def make_world(
         sensors=Sensors(gnss=gnss),
     )
     pose = Pose(np.array([*start, 0.0]), quaternion_from_euler(0.0, 0.0, radians(heading_deg)))
-    return World(scenario, 0, ground, (), (), mesh, mesh, soil_preset(soil), pose, (5.0, 0.0, 0.0))
+    return World(
+        scenario, 0, ground, RockTable.of(()), (), PreparedShapes(mesh), soil_preset(soil), pose, (5.0, 0.0, 0.0)
+    )

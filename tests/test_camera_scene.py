@@ -7,9 +7,9 @@ import pytest
 
 from rover_sim.sim.raster_scene import STRIDES, View, make_apron, make_blocks, make_tiles
 from rover_sim.sim.rasteriser import Rasteriser
-from tests.camera_factory import dome, field, lens, look, merge, world
+from tests.camera_factory import field, lens, look, merge, world
 from worlds.geometry import rotation_from_quaternion
-from worlds.types import FloatArray, HeightField, TriangleMesh
+from worlds.types import FloatArray, HeightField
 
 
 def ahead(x: float = 0.0) -> View:
@@ -80,21 +80,6 @@ def test_far_rocks_are_drawn_with_fewer_faces_and_the_smallest_not_at_all() -> N
     assert faces(0.0) == [fine, coarse, coarse]
     assert faces(-30.0) == [coarse, octahedron, octahedron]
     assert faces(-200.0) == [octahedron]
-
-
-def test_a_vertex_shared_by_two_rocks_becomes_two() -> None:
-    shape = dome(1, 0.0, 0.0, 0.5, 0.4)
-    half = np.where(np.arange(len(shape.faces)) % 2, 7, 3).astype(np.int32)
-    shared = TriangleMesh(shape.vertices_m, shape.faces, half)
-    base = world()
-    blocks = make_blocks(type(base)(**{**vars(base), "picture_mesh": shared, "collision_mesh": shared}))
-    assert blocks.owner.tolist() == [3, 7]
-    assert blocks.ranges[0, 1] == blocks.ranges[1, 0]
-    original, sorted_ = (
-        np.sort(m.vertices_m[m.faces].reshape(-1, 9), axis=0)
-        for m in (shape, TriangleMesh(blocks.vertices_w, blocks.faces[: len(shape.faces)], half))
-    )
-    np.testing.assert_allclose(original, sorted_)
 
 
 def test_a_world_without_rocks_has_an_apron_only() -> None:

@@ -9,7 +9,8 @@ from rover_sim.sim.bullet import pybullet
 from rover_sim.sim.heightfield_body import add_heightfield
 from rover_sim.sim.obstacle_index import ObstacleIndex
 from rover_sim.sim.world import connect, mesh_tiles
-from tests.sim_factory import NO_MESH, box_mesh
+from tests.prepared_shapes import NO_MESH
+from tests.sim_factory import box_mesh
 from worlds.errors import InputError
 from worlds.heightfield import height_at
 from worlds.types import HeightField, TriangleMesh

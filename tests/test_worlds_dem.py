@@ -137,7 +137,7 @@ def test_a_crop_off_the_file_says_what_is_allowed(tmp_path: Path) -> None:
 
 def test_too_fine_a_resolution_is_refused(tmp_path: Path) -> None:
     path = write_tif(tmp_path / "big.tif", np.zeros((100, 100)), pixel_m=1.0)
-    assert "terrain.resolution_m = 0.03: a map of 99 x 99 m" in fault(dem(path, resolution_m=0.03))
+    assert "terrain.resolution_m = 0.01: a map of 99 x 99 m" in fault(dem(path, resolution_m=0.01))
 
 
 def test_the_real_mars_yard_builds_with_rocks(tmp_path: Path) -> None:

@@ -28,7 +28,7 @@ from worlds.rock_shape import (
     outlines,
     rock_shape,
 )
-from worlds.types import Cylinder, FloatArray, HeightField, Rock, RockShape, TriangleMesh
+from worlds.types import Cylinder, FloatArray, HeightField, Rock, RockShape, RockTable, TriangleMesh
 
 SLOPE = HeightField(np.add.outer(np.arange(9) * 0.1, np.arange(9) * 0.3), 1.0, (-4.0, -4.0))
 
@@ -59,7 +59,7 @@ def assert_closed(part: trimesh.Trimesh) -> None:
 def test_every_formation_is_closed_at_every_level(
     formation: int, levels: tuple[tuple[float, Detail], ...], diameter_m: float
 ) -> None:
-    assert_closed(solid(rock_meshes([rock(formation, diameter_m)], SLOPE, levels), 1))
+    assert_closed(solid(rock_meshes(RockTable.of([rock(formation, diameter_m)]), SLOPE, levels), 1))
 
 
 @given(seed=st.integers(0, 2**32))
@@ -74,49 +74,51 @@ def test_random_rocks_are_closed(seed: int) -> None:
         base = (float(x), float(y), float(height_at(SLOPE, x, y)))
         shape = RockShape(int(formation), tuple(profiles[index].tolist()))
         rocks.append(Rock(index + 1, base, length, width, width / 2, float(yaws[index]), shape))
-    mesh = rock_meshes(rocks, SLOPE, PICTURE_LEVELS)
+    mesh = rock_meshes(RockTable.of(rocks), SLOPE, PICTURE_LEVELS)
     for item in rocks:
         assert_closed(solid(mesh, item.id))
 
 
 def test_faces_grow_with_the_rock() -> None:
-    counts = [len(rock_meshes([rock(1, size)], SLOPE, PICTURE_LEVELS).faces) for size in (0.1, 0.2, 0.4, 0.6)]
+    counts = [
+        len(rock_meshes(RockTable.of([rock(1, size)]), SLOPE, PICTURE_LEVELS).faces) for size in (0.1, 0.2, 0.4, 0.6)
+    ]
     assert counts == [40, 76, 148, 308]
     assert counts == [detail.faces for _, detail in PICTURE_LEVELS]
-    assert len(rock_meshes([rock(1, 0.6)], SLOPE, COLLISION_LEVELS).faces) == 76
+    assert len(rock_meshes(RockTable.of([rock(1, 0.6)]), SLOPE, COLLISION_LEVELS).faces) == 76
     assert PICTURE_LEVELS[-1][1].sections == 8
 
 
 @pytest.mark.parametrize("formation", range(10))
 def test_extents_are_those_of_the_table(formation: int) -> None:
     item = rock(formation, 0.6, yaw_rad=0.0)
-    vertices = rock_meshes([item], SLOPE, PICTURE_LEVELS).vertices_m - np.array(item.position_w)
+    vertices = rock_meshes(RockTable.of([item]), SLOPE, PICTURE_LEVELS).vertices_m - np.array(item.position_w)
     assert np.ptp(vertices[:, 0]) == pytest.approx(item.length_m)
     assert np.ptp(vertices[:, 1]) == pytest.approx(item.width_m)
     assert vertices[:, 2].max() == pytest.approx(item.height_m)
 
 
 def test_the_base_lies_below_the_ground_all_around() -> None:
-    mesh = rock_meshes([rock(4)], SLOPE, PICTURE_LEVELS)
+    mesh = rock_meshes(RockTable.of([rock(4)]), SLOPE, PICTURE_LEVELS)
     feet = mesh.vertices_m[mesh.vertices_m[:, 2] < mesh.vertices_m[:, 2].min() + 1e-9]
     assert np.all(feet[:, 2] < height_at(SLOPE, feet[:, 0], feet[:, 1]))
 
 
 def test_the_yaw_turns_the_long_axis() -> None:
-    vertices = rock_meshes([rock(1, yaw_rad=np.radians(90.0))], SLOPE, PICTURE_LEVELS).vertices_m
+    vertices = rock_meshes(RockTable.of([rock(1, yaw_rad=np.radians(90.0))]), SLOPE, PICTURE_LEVELS).vertices_m
     assert np.ptp(vertices[:, 1]) > 1.5 * np.ptp(vertices[:, 0])
 
 
 def test_a_rock_looks_the_same_whatever_lies_around_it() -> None:
-    alone = rock_meshes([rock(3, number=7)], SLOPE, PICTURE_LEVELS)
-    among = rock_meshes([rock(2, 0.7, 1), rock(3, number=7), rock(5, 0.1, 9)], SLOPE, PICTURE_LEVELS)
+    alone = rock_meshes(RockTable.of([rock(3, number=7)]), SLOPE, PICTURE_LEVELS)
+    among = rock_meshes(RockTable.of([rock(2, 0.7, 1), rock(3, number=7), rock(5, 0.1, 9)]), SLOPE, PICTURE_LEVELS)
     first = np.flatnonzero(among.owner == 7)
     assert np.array_equal(among.vertices_m[among.faces[first]], alone.vertices_m[alone.faces])
 
 
 def test_sections_are_semicircles_up_to_the_bumps() -> None:
     item = rock(0, 1.0, yaw_rad=0.0)
-    vertices = rock_meshes([item], SLOPE, PICTURE_LEVELS).vertices_m - np.array(item.position_w)
+    vertices = rock_meshes(RockTable.of([item]), SLOPE, PICTURE_LEVELS).vertices_m - np.array(item.position_w)
     above = vertices[vertices[:, 2] > 0.05]
     assert np.linalg.norm(above, axis=1) == pytest.approx(0.5, rel=0.3)
 
@@ -178,7 +180,7 @@ def test_a_cylinder_is_closed_and_has_the_volume_of_its_prism() -> None:
 
 
 def test_nothing_joins_to_an_empty_mesh() -> None:
-    empty = join([rock_meshes([], SLOPE, PICTURE_LEVELS), cylinder_meshes([], SLOPE, 8)])
+    empty = join([rock_meshes(RockTable.of([]), SLOPE, PICTURE_LEVELS), cylinder_meshes([], SLOPE, 8)])
     assert (empty.vertices_m.shape, empty.faces.shape, empty.owner.shape) == ((0, 3), (0, 3), (0,))
     assert empty.faces.dtype == np.int32
     assert empty.owner.dtype == np.int32

@@ -13,17 +13,16 @@ from worlds.errors import ScenarioError
 from worlds.geometry import quaternion_from_euler
 from worlds.heightfield import contains, height_at
 from worlds.rock_field import MESH_MIN_DIAMETER_M, RockField, draw_rock_field, imprint, rocks_of, thin
-from worlds.rock_mesh import COLLISION_LEVELS, PICTURE_LEVELS, cylinder_meshes, join, rock_meshes
 from worlds.rock_shape import base_extents, rock_shape
 from worlds.rock_sizes import expected_number
 from worlds.scenario import DEFAULT_ORIGIN, MAP_MARGIN_M, Obstacle, Scenario, check_scenario, resolve_paths
+from worlds.shapes import SolidShapes
 from worlds.soil_file import load_soil
 from worlds.soil_map import lay_soils
 from worlds.synthesis import synthesise
-from worlds.types import Cylinder, FloatArray, HeightField, Pose, Rock, World
+from worlds.types import Cylinder, FloatArray, HeightField, Pose, Rock, RockTable, World
 
-MAX_ROCKS = 150_000  # placement and meshes stay within seconds and some hundred megabytes
-PICTURE_SIDES, COLLISION_SIDES = 24, 12  # of a cylinder
+MAX_ROCKS = 1_500_000  # placement stays within seconds and some hundred megabytes
 
 
 class Stream(IntEnum):
@@ -57,17 +56,8 @@ def build_world(scenario: Scenario, seed: int, *, base_dir: Path | None = None, 
     large = field.diameters_m >= MESH_MIN_DIAMETER_M
     ground = imprint(field.chosen(~large), bare)
     explicit = _explicit_rocks(scenario, ground)
-    rocks = explicit + rocks_of(field.chosen(large), ground, first_id=len(explicit) + 1)
+    rocks = RockTable.of(explicit).joined(rocks_of(field.chosen(large), ground, first_id=len(explicit) + 1))
     cylinders = _cylinders(scenario, ground, first_id=len(rocks) + 1)
-    meshes = [
-        join(
-            [
-                rock_meshes(rocks, ground, levels),
-                cylinder_meshes(cylinders, ground, sides),
-            ]
-        )
-        for levels, sides in ((PICTURE_LEVELS, PICTURE_SIDES), (COLLISION_LEVELS, COLLISION_SIDES))
-    ]
     start, goal = (_on_ground(ground, place) for place in (scenario.rover.start_m, scenario.goal.position_m))
     heading = quaternion_from_euler(0.0, 0.0, float(np.radians(scenario.rover.heading_deg)))
     return World(
@@ -76,8 +66,7 @@ def build_world(scenario: Scenario, seed: int, *, base_dir: Path | None = None, 
         ground=ground,
         rocks=rocks,
         cylinders=cylinders,
-        picture_mesh=meshes[0],
-        collision_mesh=meshes[1],
+        shapes=SolidShapes(rocks, cylinders, ground),
         soil=load_soil(scenario.soil.preset),
         start=Pose(np.array(start), heading),
         goal_w=goal,

@@ -10,7 +10,7 @@ import numpy as np
 from worlds.dem_files import Raster, read_raster
 from worlds.errors import ScenarioError
 from worlds.scenario import Origin, Terrain, check_cells
-from worlds.synthesis import fractal, tilt
+from worlds.synthesis import add_tilt, fractal
 from worlds.types import HeightField
 
 MOST_MISSING = 0.05  # share of the heights that may be filled in
@@ -38,15 +38,15 @@ def load_dem(terrain: Terrain, source: str, rng: np.random.Generator) -> Elevati
     raster = read_raster(terrain, complaint)
     whole, notes = _without_holes(_crop(raster, terrain, complaint), path.name, complaint)
     field = _resample(whole, terrain, source)
-    heights = field.heights_m + tilt(field, terrain)
+    add_tilt(field, terrain)
     if terrain.detail_m:
-        heights += fractal(field, terrain.detail_m, rng, _detail_band(whole, terrain, source))
+        field.heights_m[:] += fractal(field, terrain.detail_m, rng, _detail_band(whole, terrain, source))
     georeference = raster.georeference
     if georeference.note:
         notes = (*notes, f"{path.name}: {georeference.note}: the mission origin is the scenario's [origin]")
     place = georeference.place_deg
     origin = None if place is None else Origin(latitude_deg=place[0], longitude_deg=place[1], altitude_m=0.0)
-    return Elevation(HeightField(heights, field.resolution_m, field.origin_m), origin, notes)
+    return Elevation(field, origin, notes)
 
 
 def _crop(raster: Raster, terrain: Terrain, complaint: str) -> Raster:

@@ -10,10 +10,11 @@ from worlds.heightfield import height_at
 from worlds.rock_shape import draw_aspects, draw_formations, draw_profiles
 from worlds.rock_sizes import place_discs, sample_diameters
 from worlds.scenario import Rocks
-from worlds.types import BoolArray, FloatArray, HeightField, IntArray, Rock, RockShape
+from worlds.types import BoolArray, FloatArray, HeightField, IntArray, RockTable
 
 MESH_MIN_DIAMETER_M = 0.08  # a wheel rolls over smaller ones, and thousands of them would be most of the faces
 BUMP_SIGMA_M = 0.02  # about the radius of a small rock; the grid spacing where that is larger
+BAND_ROWS = 512  # of the ground are worked on at a time, so that a large map needs little memory
 
 HEIGHT_OVER_WIDTH = 0.5  # sections are semicircles
 
@@ -88,27 +89,30 @@ def imprint(small: RockField, ground: HeightField) -> HeightField:
     column, row = ((small.centres_m - np.asarray(ground.origin_m)) / ground.resolution_m).T
     left, low = np.clip(column.astype(int), 0, nx - 2), np.clip(row.astype(int), 0, ny - 2)
     u, v = column - left, row - low
-    deposit = np.zeros((ny, nx))
-    for down, right, share in ((0, 0, (1 - v) * (1 - u)), (0, 1, (1 - v) * u), (1, 0, v * (1 - u)), (1, 1, v * u)):
-        np.add.at(deposit, (low + down, left + right), share * volume / ground.resolution_m**2)
     sigma = max(1.0, BUMP_SIGMA_M / ground.resolution_m)
-    return HeightField(
-        ground.heights_m + gaussian_filter(deposit, sigma, mode="constant"), ground.resolution_m, ground.origin_m
-    )
+    halo = int(4.0 * sigma + 0.5)  # where the filter cuts its Gaussian
+    heights = np.empty_like(ground.heights_m)
+    for first in range(0, ny, BAND_ROWS):
+        last = min(first + BAND_ROWS, ny)
+        start, stop = max(first - halo, 0), min(last + halo, ny)
+        deposit = np.zeros((stop - start + 1, nx))  # its last row takes what belongs to the next band
+        here = (low >= start - 1) & (low < stop)
+        for down, right, share in ((0, 0, (1 - v) * (1 - u)), (0, 1, (1 - v) * u), (1, 0, v * (1 - u)), (1, 1, v * u)):
+            place = low[here] + down - start  # -1 is that last row too
+            np.add.at(deposit, (place, left[here] + right), (share * volume / ground.resolution_m**2)[here])
+        bumps = gaussian_filter(deposit[:-1], sigma, mode="constant")
+        np.add(ground.heights_m[first:last], bumps[first - start : last - start], out=heights[first:last])
+    return HeightField(heights, ground.resolution_m, ground.origin_m)
 
 
-def rocks_of(field: RockField, ground: HeightField, first_id: int) -> tuple[Rock, ...]:
+def rocks_of(field: RockField, ground: HeightField, first_id: int) -> RockTable:
     """The rocks of a field standing on ``ground``, numbered from ``first_id``."""
-    heights = height_at(ground, field.centres_m[:, 0], field.centres_m[:, 1])
-    return tuple(
-        Rock(
-            id=first_id + index,
-            position_w=(float(field.centres_m[index, 0]), float(field.centres_m[index, 1]), float(heights[index])),
-            length_m=float(length),
-            width_m=float(width),
-            height_m=float(width * HEIGHT_OVER_WIDTH),
-            yaw_rad=float(field.yaws_rad[index]),
-            shape=RockShape(int(field.formations[index]), tuple(field.profiles[index].tolist())),
-        )
-        for index, (length, width) in enumerate(zip(field.lengths_m, field.widths_m, strict=True))
+    count = len(field.diameters_m)
+    return RockTable(
+        ids=np.arange(first_id, first_id + count, dtype=np.int32),
+        position_w=np.column_stack([field.centres_m, height_at(ground, *field.centres_m.T)]),
+        extents_m=np.column_stack([field.lengths_m, field.widths_m, field.widths_m * HEIGHT_OVER_WIDTH]),
+        yaw_rad=field.yaws_rad,
+        formation=field.formations,
+        section_ratio=field.profiles,
     )

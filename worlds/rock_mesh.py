@@ -11,10 +11,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from worlds.heightfield import height_at
 from worlds.rock_shape import diameters_along
-from worlds.types import BoolArray, Cylinder, FloatArray, HeightField, IntArray, Rock, TriangleMesh
+from worlds.types import BoolArray, Cylinder, FloatArray, HeightField, IntArray, RockTable, TriangleMesh
 
 BUMP_SHARE = 0.30  # largest deviation of the surface from the loft, as a share of the local radius
 BURIAL_SHARE = 0.10  # of the height, below the lowest ground along the outline
@@ -41,20 +42,23 @@ PICTURE_LEVELS: Levels = ((0.12, Detail(3, 3)), (0.25, Detail(4, 6)), (0.5, Deta
 COLLISION_LEVELS: Levels = ((0.15, Detail(3, 3)), (np.inf, Detail(4, 6)))
 
 
-def rock_meshes(rocks: Sequence[Rock], ground: HeightField, levels: Levels) -> TriangleMesh:
+def rock_meshes(rocks: RockTable, ground: HeightField, levels: Levels) -> TriangleMesh:
     """All ``rocks`` in one mesh, each as fine as the first level that its diameter fits.
 
     A pure function of each rock: it looks the same whatever lies around it, and its levels share their bumps.
     """
-    diameters = np.array([rock.diameter_m for rock in rocks])
-    parts: list[TriangleMesh] = []
-    lowest = 0.0
-    for limit, detail in levels:
-        chosen = np.flatnonzero((diameters >= lowest) & (diameters < limit))
-        lowest = limit
-        if len(chosen):
-            parts.append(_rocks_of_level([rocks[int(index)] for index in chosen], ground, detail))
+    level = level_of(rocks.diameters_m, levels)
+    parts = [
+        _rocks_of_level(rocks.chosen(level == number), ground, detail)
+        for number, (_, detail) in enumerate(levels)
+        if (level == number).any()
+    ]
     return join(parts)
+
+
+def level_of(diameters_m: FloatArray, levels: Levels) -> NDArray[np.intp]:
+    """Number (N,) of the first level that each diameter fits."""
+    return np.searchsorted([limit for limit, _ in levels], diameters_m, side="right")
 
 
 def cylinder_meshes(cylinders: Sequence[Cylinder], ground: HeightField, sides: int) -> TriangleMesh:
@@ -74,18 +78,17 @@ def join(parts: Sequence[TriangleMesh]) -> TriangleMesh:
     )
 
 
-def _rocks_of_level(rocks: Sequence[Rock], ground: HeightField, detail: Detail) -> TriangleMesh:
+def _rocks_of_level(rocks: RockTable, ground: HeightField, detail: Detail) -> TriangleMesh:
     """Rocks of one level of detail, stood on the ground and turned to their yaw."""
-    profiles = np.array([rock.shape.section_ratio for rock in rocks])
-    extents = np.array([[rock.length_m, rock.width_m, rock.height_m] for rock in rocks])
-    local, is_foot = _loft(profiles, detail, _waves_of(rocks))
+    extents = rocks.extents_m
+    local, is_foot = _loft(rocks.section_ratio, detail, _waves_of(rocks))
     # Stretched to the extents exactly: bumps do not make a rock longer, wider or higher than the table says.
     low, high = local.min(axis=1, keepdims=True), local.max(axis=1, keepdims=True)
     middle = (low + high) / 2.0
     local[..., :2] = ((local - middle) / (high - low))[..., :2] * extents[:, None, :2]
     local[..., 2] = local[..., 2] / high[..., 2] * extents[:, 2:]
-    yaw = np.array([rock.yaw_rad for rock in rocks])[:, None]
-    base = np.array([rock.position_w for rock in rocks])[:, None, :]
+    yaw = rocks.yaw_rad[:, None]
+    base = rocks.position_w[:, None, :]
     world = np.empty_like(local)
     world[..., 0] = base[..., 0] + np.cos(yaw) * local[..., 0] - np.sin(yaw) * local[..., 1]
     world[..., 1] = base[..., 1] + np.sin(yaw) * local[..., 0] + np.cos(yaw) * local[..., 1]
@@ -95,13 +98,13 @@ def _rocks_of_level(rocks: Sequence[Rock], ground: HeightField, detail: Detail) 
     world[:, is_foot, 2] = bottom[:, None]
     faces = _loft_faces(detail)
     shift = (np.arange(len(rocks), dtype=np.int32) * world.shape[1])[:, None, None]
-    owner = np.repeat(np.array([rock.id for rock in rocks], dtype=np.int32), len(faces))
+    owner = np.repeat(rocks.ids, len(faces))
     return TriangleMesh(world.reshape(-1, 3), (faces[None] + shift).reshape(-1, 3).astype(np.int32), owner)
 
 
-def _waves_of(rocks: Sequence[Rock]) -> FloatArray:
+def _waves_of(rocks: RockTable) -> FloatArray:
     """Numbers (N, waves, 4) in -1..1 that look random, hashed from each rock's own measures."""
-    own = np.array([[*rock.shape.section_ratio, rock.length_m, rock.width_m, rock.yaw_rad] for rock in rocks])
+    own = np.column_stack([rocks.section_ratio, rocks.extents_m[:, :2], rocks.yaw_rad])
     mixed = (own[:, None, :] * _HASH).sum(axis=2)
     return np.asarray(2.0 * np.mod(mixed, 1.0) - 1.0).reshape(len(rocks), _WAVES, 4)
 

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from worlds.errors import ScenarioError
 from worlds.types import BoolArray, FloatArray
+
+Indices = NDArray[np.int64]
 
 _MAX_ROUNDS = 300
 _TABLE_POINTS = 4096
@@ -71,26 +73,47 @@ def place_discs(radii_m: FloatArray, size_m: tuple[float, float], rng: np.random
             f"rocks.max_diameter_m: a rock {2 * radii[0]:.2f} m long does not fit the map {list(size_m)}"
         )
     centres = radii[:, None] + rng.uniform(size=room.shape) * room
+    side = float(np.sqrt(size_m[0] * size_m[1] / max(len(radii), 1)))  # a cell for each disc
+    columns = int(size_m[0] / side) + 1
+    disc, cell = _cells(centres, radii, np.arange(len(radii)), side, columns)
+    moved = np.ones(len(radii), dtype=bool)
     for _ in range(_MAX_ROUNDS):
-        blocked = _overlapping_smaller(centres, radii)
+        near = np.isin(cell, cell[moved[disc]])  # others have been looked at before
+        blocked = _overlapping_smaller(centres, radii, disc[near], cell[near])
         if not blocked.any():
             placed = np.empty_like(centres)
             placed[order] = centres
             return placed
         centres[blocked] = radii[blocked, None] + rng.uniform(size=(int(blocked.sum()), 2)) * room[blocked]
+        stays = ~blocked[disc]
+        new_disc, new_cell = _cells(centres, radii, np.flatnonzero(blocked), side, columns)
+        disc, cell = np.concatenate([disc[stays], new_disc]), np.concatenate([cell[stays], new_cell])
+        moved = blocked
     raise ScenarioError(f"rocks.cfa: {len(radii)} rocks cannot be laid without overlap; use less or smaller ones")
 
 
-def _overlapping_smaller(centres: FloatArray, radii: FloatArray) -> BoolArray:
-    """Which discs, of radii in falling order, overlap an earlier one."""
-    from scipy.spatial import cKDTree
+def _cells(
+    centres: FloatArray, radii: FloatArray, which: Indices, side_m: float, columns: int
+) -> tuple[Indices, Indices]:
+    """Every cell of a square grid that the boxes around the discs ``which`` touch: disc (M,) and cell (M,)."""
+    low = np.maximum((centres[which] - radii[which, None]) / side_m, 0.0).astype(np.int64)
+    wide, high = ((centres[which] + radii[which, None]) / side_m).astype(np.int64).T - low.T + 1
+    count = wide * high
+    disc = np.repeat(np.arange(len(which)), count)
+    step = np.arange(len(disc)) - np.repeat(np.cumsum(count) - count, count)
+    row, column = np.divmod(step, wide[disc])
+    return which[disc], (low[disc, 1] + row) * columns + low[disc, 0] + column
 
+
+def _overlapping_smaller(centres: FloatArray, radii: FloatArray, disc: Indices, cell: Indices) -> BoolArray:
+    """Which discs, of radii in falling order, overlap an earlier one in one of these cells."""
+    order = np.lexsort((disc, cell))
+    disc, cell = disc[order], cell[order]
     blocked = np.zeros(len(radii), dtype=bool)
-    # A smaller disc that touches this one has its centre within twice this one's radius.
-    neighbours = cKDTree(centres).query_ball_point(centres, 2.0 * radii, return_sorted=False)
-    counts = np.fromiter((len(found) for found in neighbours), dtype=np.int64, count=len(radii))
-    larger = np.repeat(np.arange(len(radii)), counts)
-    smaller = np.concatenate([np.zeros(0), *neighbours]).astype(np.int64)
-    gap = np.linalg.norm(centres[larger] - centres[smaller], axis=1) - radii[larger] - radii[smaller]
-    blocked[smaller[(smaller > larger) & (gap < 0)]] = True
+    step = 1
+    while (together := np.flatnonzero(cell[step:] == cell[:-step])).size:
+        larger, smaller = disc[together], disc[together + step]
+        gap = np.linalg.norm(centres[larger] - centres[smaller], axis=1) - radii[larger] - radii[smaller]
+        blocked[smaller[gap < 0]] = True
+        step += 1
     return blocked

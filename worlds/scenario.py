@@ -11,7 +11,9 @@ from worlds.errors import ScenarioError
 from worlds.soil_file import is_soil_file, load_soil
 from worlds.strict_toml import check_limits, convert_table, dump_toml, read_table
 
-MAX_CELLS = 6_000_000  # memory and start-up time: eight bytes a cell in every copy of the heights
+MAX_CELLS = (
+    26_000_000  # 500 x 500 m at 0.1 m; memory and start-up time: eight bytes a cell in every copy of the heights
+)
 MAX_PATCHES = 200  # of soil
 MAP_MARGIN_M = 1.0  # start and goal stay this far inside the map, so that a rover fits on it
 

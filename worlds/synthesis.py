@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from worlds.heightfield import grid_points
@@ -12,6 +14,8 @@ from worlds.types import FloatArray, HeightField
 # wheelbase would shake the rover without end.
 HILLS_M = (12.0, 0.8)
 HURST = 1.0  # height spectrum ~ f^-(2 H + 2) of a self-affine surface
+
+BAND_ROWS = 512  # of a map are worked out at a time
 
 DUNE_STOSS_SHARE = 0.7  # of the crest distance: transverse dunes rise slowly and fall on the lee side
 CRATER_RIM_SHARE = 0.2  # rim height over depth, about that of simple craters
@@ -26,22 +30,25 @@ def synthesise(terrain: Terrain, centre_m: tuple[float, float], rng: np.random.G
     resolution = terrain.resolution_m
     nx, ny = (round(size / resolution) + 1 for size in terrain.size_m)
     origin = (centre_m[0] - (nx - 1) * resolution / 2, centre_m[1] - (ny - 1) * resolution / 2)
-    flat = HeightField(np.zeros((ny, nx)), resolution, origin)
-    heights = tilt(flat, terrain)
+    field = HeightField(np.zeros((ny, nx)), resolution, origin)
     if terrain.kind in {"fractal", "dunes", "crater"}:
-        heights = heights + fractal(flat, terrain.roughness_m, rng)
+        field = HeightField(fractal(field, terrain.roughness_m, rng), resolution, origin)
+    add_tilt(field, terrain)
     if terrain.kind == "dunes":
-        heights = heights + dunes(flat, terrain, rng)
+        field.heights_m[:] += dunes(field, terrain, rng)
     if terrain.kind == "crater":
-        heights = heights + crater(flat, terrain)
-    return HeightField(heights, resolution, origin)
+        field.heights_m[:] += crater(field, terrain)
+    return field
 
 
-def tilt(field: HeightField, terrain: Terrain) -> FloatArray:
-    """Heights (ny, nx) of the plane that ``slope_deg`` and ``slope_azimuth_deg`` ask for, zero at the map's centre."""
+def add_tilt(field: HeightField, terrain: Terrain) -> None:
+    """Add the plane that ``slope_deg`` and ``slope_azimuth_deg`` ask for, zero at the map's centre, to the heights."""
+    if terrain.slope_deg == 0.0:
+        return
     x, y = _centred(field)
-    azimuth = np.radians(terrain.slope_azimuth_deg)
-    return np.asarray(np.tan(np.radians(terrain.slope_deg)) * (x * np.cos(azimuth) + y * np.sin(azimuth)))
+    rise, azimuth = np.tan(np.radians(terrain.slope_deg)), np.radians(terrain.slope_azimuth_deg)
+    for band in _bands(len(y)):
+        field.heights_m[band] += rise * (x * np.cos(azimuth) + y[band] * np.sin(azimuth))
 
 
 def fractal(
@@ -61,15 +68,25 @@ def fractal(
     frequency = np.hypot(wave_y / periods[0], wave_x / periods[1])
     noise = rng.standard_normal(frequency.shape) + 1j * rng.standard_normal(frequency.shape)
     amplitude = noise * _spectrum(frequency, min(band_m[0], float(periods.max())), band_m[1])
-    spectrum = np.zeros((ny - 1, (nx - 1) // 2 + 1), dtype=np.complex128)
+    # Only the columns that hold waves: most of the spectrum of a large map is empty.
+    spectrum = np.zeros((ny - 1, min(top[1], (nx - 1) // 2) + 1), dtype=np.complex128)
     # Waves that the grid cannot hold are left out.
     fits = (2 * np.abs(wave_y) < ny - 1) & (2 * wave_x < nx - 1)
     spectrum[wave_y[fits], wave_x[fits]] = amplitude[fits]
-    heights = np.fft.irfft2(spectrum, s=(ny - 1, nx - 1))
+    along_y = np.fft.ifft(spectrum, axis=0)
+    heights = np.empty((ny - 1, nx - 1))
+    for band in _bands(ny - 1):
+        heights[band] = np.fft.irfft(along_y[band], n=nx - 1, axis=1)
     rms = heights.std()
-    scale = rms_m / rms if rms > 0 else 0.0
+    heights *= rms_m / rms if rms > 0 else 0.0
     # The hills repeat with the map, so the last row and column are the first again.
-    return np.asarray(np.pad(heights * scale, ((0, 1), (0, 1)), mode="wrap"))
+    return np.asarray(np.pad(heights, ((0, 1), (0, 1)), mode="wrap"))
+
+
+def _bands(rows: int) -> Iterator[slice]:
+    """Runs of rows, so that what is worked out in between needs little memory."""
+    for first in range(0, rows, BAND_ROWS):
+        yield slice(first, min(first + BAND_ROWS, rows))
 
 
 def _spectrum(frequency: FloatArray, longest_m: float, shortest_m: float) -> FloatArray:
@@ -84,15 +101,18 @@ def dunes(field: HeightField, terrain: Terrain, rng: np.random.Generator) -> Flo
     """Transverse dunes (ny, nx) across x: crests ``feature_size_m`` apart and ``relief_m`` high, wavy along y."""
     x, y = _centred(field)
     phase = rng.uniform(0.0, 2 * np.pi, size=3)
-    wander = sum(
-        (np.sin(2 * np.pi * y / (factor * terrain.feature_size_m) + turn) / factor)
-        for factor, turn in zip((2.0, 3.3, 5.1), phase, strict=True)
-    )
-    place = np.mod(x / terrain.feature_size_m + 0.35 * wander + phase[0] / (2 * np.pi), 1.0)
-    rise = place / DUNE_STOSS_SHARE
-    fall = (1.0 - place) / (1.0 - DUNE_STOSS_SHARE)
-    # Half a cosine up, half a cosine down: no kink at crest or trough.
-    return np.asarray(terrain.relief_m * (1.0 - np.cos(np.pi * np.minimum(rise, fall))) / 2.0 - terrain.relief_m / 2.0)
+    wander = np.zeros_like(y)
+    for factor, turn in zip((2.0, 3.3, 5.1), phase, strict=True):
+        wander = wander + np.sin(2 * np.pi * y / (factor * terrain.feature_size_m) + turn) / factor
+    heights = np.empty(field.heights_m.shape)
+    for band in _bands(len(y)):
+        place = np.mod(x / terrain.feature_size_m + 0.35 * wander[band] + phase[0] / (2 * np.pi), 1.0)
+        rise = place / DUNE_STOSS_SHARE
+        fall = (1.0 - place) / (1.0 - DUNE_STOSS_SHARE)
+        # Half a cosine up, half a cosine down: no kink at crest or trough.
+        wave = terrain.relief_m * (1.0 - np.cos(np.pi * np.minimum(rise, fall))) / 2.0
+        heights[band] = wave - terrain.relief_m / 2.0
+    return heights
 
 
 def crater(field: HeightField, terrain: Terrain) -> FloatArray:
@@ -100,14 +120,17 @@ def crater(field: HeightField, terrain: Terrain) -> FloatArray:
     x, y = _centred(field)
     if terrain.relief_m == 0.0:
         return np.zeros(field.heights_m.shape)
-    radius = np.hypot(x, y) / (terrain.feature_size_m / 2.0)
-    rim = CRATER_RIM_SHARE * terrain.relief_m
-    bowl = rim - terrain.relief_m * (1.0 - np.minimum(radius, 2.0) ** 2)
-    # Outside, the ejecta blanket falls with the third power (McGetchin et al. 1973).
-    blanket = rim * np.maximum(radius, 0.25) ** -3.0
-    # A smooth minimum rounds the rim, which it lowers by 2 % of the depth.
-    sharpness = CRATER_RIM_SHARPNESS / terrain.relief_m
-    return np.asarray(-np.logaddexp(-sharpness * bowl, -sharpness * blanket) / sharpness)
+    heights = np.empty(field.heights_m.shape)
+    for band in _bands(len(y)):
+        radius = np.hypot(x, y[band]) / (terrain.feature_size_m / 2.0)
+        rim = CRATER_RIM_SHARE * terrain.relief_m
+        bowl = rim - terrain.relief_m * (1.0 - np.minimum(radius, 2.0) ** 2)
+        # Outside, the ejecta blanket falls with the third power (McGetchin et al. 1973).
+        blanket = rim * np.maximum(radius, 0.25) ** -3.0
+        # A smooth minimum rounds the rim, which it lowers by 2 % of the depth.
+        sharpness = CRATER_RIM_SHARPNESS / terrain.relief_m
+        heights[band] = -np.logaddexp(-sharpness * bowl, -sharpness * blanket) / sharpness
+    return heights
 
 
 def _centred(field: HeightField) -> tuple[FloatArray, FloatArray]:

@@ -10,9 +10,10 @@ from worlds.types import BoolArray, FloatArray, World
 
 def obstacle_discs(world: World) -> FloatArray:
     """Every rock with a mesh and every cylinder as a disc around all of it: (N, 4) x, y, radius, height in metres."""
-    rocks = [(*rock.position_w[:2], rock.length_m / 2.0, rock.height_m) for rock in world.rocks]
+    length, _, height = world.rocks.extents_m.T
+    rocks = np.column_stack([world.rocks.position_w[:, :2], length / 2.0, height])
     cylinders = [(*item.position_w[:2], item.radius_m, item.height_m) for item in world.cylinders]
-    return np.array(rocks + cylinders, dtype=np.float64).reshape(-1, 4)
+    return np.concatenate([rocks, np.array(cylinders, dtype=np.float64).reshape(-1, 4)])
 
 
 def free_cells(world: World, footprint_radius_m: float, max_height_m: float) -> BoolArray:

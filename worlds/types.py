@@ -6,8 +6,10 @@ Frames: world ENU (x east, y north, z up), body FLU (x forward, y left, z up), c
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, fields
 from enum import StrEnum
+from typing import Protocol, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -78,6 +80,60 @@ class Rock:
         return float(np.sqrt(self.length_m * self.width_m))
 
 
+@dataclass(frozen=True, eq=False)
+class RockTable(Sequence[Rock]):
+    """Many rocks as columns; as a sequence it makes each `Rock` when it is asked for."""
+
+    ids: IntArray  # (N,)
+    position_w: FloatArray  # (N, 3)
+    extents_m: FloatArray  # (N, 3) length, width, height
+    yaw_rad: FloatArray  # (N,)
+    formation: IntArray  # (N,)
+    section_ratio: FloatArray  # (N, 9)
+
+    @staticmethod
+    def of(rocks: Iterable[Rock]) -> RockTable:
+        """The columns of some rocks."""
+        rows = list(rocks)
+        return RockTable(
+            np.array([rock.id for rock in rows], dtype=np.int32),
+            np.array([rock.position_w for rock in rows], dtype=np.float64).reshape(-1, 3),
+            np.array([(rock.length_m, rock.width_m, rock.height_m) for rock in rows], dtype=np.float64).reshape(-1, 3),
+            np.array([rock.yaw_rad for rock in rows], dtype=np.float64),
+            np.array([rock.shape.formation for rock in rows], dtype=np.int32),
+            np.array([rock.shape.section_ratio for rock in rows], dtype=np.float64).reshape(-1, 9),
+        )
+
+    @property
+    def diameters_m(self) -> FloatArray:
+        """Diameter (N,) of the circle of equal base of each rock."""
+        return np.asarray(np.sqrt(self.extents_m[:, 0] * self.extents_m[:, 1]))
+
+    def chosen(self, which: IntArray | BoolArray) -> RockTable:
+        """The rocks at some places, or where a mask holds."""
+        return RockTable(**{field.name: getattr(self, field.name)[which] for field in fields(self)})
+
+    def joined(self, other: RockTable) -> RockTable:
+        """These rocks and then the others."""
+        names = [field.name for field in fields(self)]
+        return RockTable(**{name: np.concatenate([getattr(self, name), getattr(other, name)]) for name in names})
+
+    def __len__(self) -> int:
+        return len(self.ids)
+
+    @overload
+    def __getitem__(self, index: int) -> Rock: ...
+    @overload
+    def __getitem__(self, index: slice) -> RockTable: ...
+    def __getitem__(self, index: int | slice) -> Rock | RockTable:
+        if isinstance(index, slice):
+            return self.chosen(np.arange(len(self), dtype=np.int32)[index])
+        x, y, z = self.position_w[index].tolist()
+        length, width, height = self.extents_m[index].tolist()
+        shape = RockShape(int(self.formation[index]), tuple(self.section_ratio[index].tolist()))
+        return Rock(int(self.ids[index]), (x, y, z), length, width, height, float(self.yaw_rad[index]), shape)
+
+
 @dataclass(frozen=True)
 class Cylinder:
     """An upright cylinder; ``position_w`` is the centre of its foot."""
@@ -95,6 +151,31 @@ class TriangleMesh:
     vertices_m: FloatArray  # (V, 3)
     faces: IntArray  # (F, 3)
     owner: IntArray  # (F,)
+
+
+class Shapes(Protocol):
+    """Solid things as meshes, made for those that are asked for: a large world has too many to mesh at once.
+
+    In every mesh the vertices and the faces of a thing lie together and are its own.
+    """
+
+    @property
+    def ids(self) -> IntArray:
+        """Id (N,) of each thing, ascending."""
+        ...
+
+    @property
+    def bounds_w(self) -> tuple[FloatArray, FloatArray]:
+        """Lower and upper corners (N, 3) of the boxes around what stands above the ground, nearly."""
+        ...
+
+    def picture(self, which: IntArray) -> TriangleMesh:
+        """The things at the places ``which`` (K,) as the camera sees them."""
+        ...
+
+    def collision(self, which: IntArray) -> TriangleMesh:
+        """The same, coarser."""
+        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -236,13 +317,22 @@ class World:
     scenario: Scenario
     seed: int
     ground: HeightField  # rocks too small for a mesh are bumps of it
-    rocks: tuple[Rock, ...]  # those with a mesh of their own
+    rocks: RockTable  # those with a mesh of their own
     cylinders: tuple[Cylinder, ...]
-    picture_mesh: TriangleMesh  # rocks and cylinders as the camera sees them
-    collision_mesh: TriangleMesh  # the same, coarser
+    shapes: Shapes  # of rocks and cylinders, as meshes
     soil: Soil
     start: Pose  # on the ground under the rover, turned to its heading only
     goal_w: Vector3
     soil_map: SoilMap | None = None  # None where ``soil`` lies everywhere
     origin: Origin = DEFAULT_ORIGIN  # geographic place of x = y = z = 0
     notes: tuple[str, ...] = ()  # one line each: what the user should know of how it was made
+
+    @property
+    def picture_mesh(self) -> TriangleMesh:
+        """Everything as the camera sees it, made anew; only small worlds can hold it."""
+        return self.shapes.picture(np.arange(len(self.shapes.ids), dtype=np.int32))
+
+    @property
+    def collision_mesh(self) -> TriangleMesh:
+        """The same, coarser."""
+        return self.shapes.collision(np.arange(len(self.shapes.ids), dtype=np.int32))

@@ -112,10 +112,9 @@ def _richest_square(world: World) -> tuple[float, float]:
 
     (west, east), (south, north) = world.ground.x_limits_m, world.ground.y_limits_m
     half = CLOSE_UP_M / 2
-    if not world.rocks:
+    if not len(world.rocks):
         return (west + east) / 2, (south + north) / 2
-    places = np.array([rock.position_w[:2] for rock in world.rocks])
-    areas = np.array([rock.diameter_m**2 for rock in world.rocks])
+    places, areas = world.rocks.position_w[:, :2], world.rocks.diameters_m**2
     candidates = places[:: max(1, len(places) // 200)]
     near = np.abs(places[None] - candidates[:, None]).max(axis=2) <= half
     best = candidates[int((near * areas).sum(axis=1).argmax())]
@@ -130,12 +129,12 @@ def _rock_columns(world: World) -> dict[str, NDArray[Any]]:
 
     rocks, cylinders = world.rocks, world.cylinders
     return {
-        "rock_id": np.array([rock.id for rock in rocks], dtype=np.int32),
-        "rock_position_w": np.array([rock.position_w for rock in rocks]).reshape(-1, 3),
-        "rock_size_m": np.array([(rock.length_m, rock.width_m, rock.height_m) for rock in rocks]).reshape(-1, 3),
-        "rock_yaw_rad": np.array([rock.yaw_rad for rock in rocks]),
-        "rock_formation": np.array([rock.shape.formation for rock in rocks], dtype=np.int32),
-        "rock_section_ratio": np.array([rock.shape.section_ratio for rock in rocks]).reshape(-1, 9),
+        "rock_id": rocks.ids,
+        "rock_position_w": rocks.position_w,
+        "rock_size_m": rocks.extents_m,
+        "rock_yaw_rad": rocks.yaw_rad,
+        "rock_formation": rocks.formation,
+        "rock_section_ratio": rocks.section_ratio,
         "cylinder_id": np.array([item.id for item in cylinders], dtype=np.int32),
         "cylinder_position_w": np.array([item.position_w for item in cylinders]).reshape(-1, 3),
         "cylinder_size_m": np.array([(item.radius_m, item.height_m) for item in cylinders]).reshape(-1, 2),
@@ -188,7 +187,7 @@ def _rock_rows(world: World, area_m2: float) -> list[tuple[str, str]]:
 
     drawn = random_rocks(world.scenario, world.ground, world.seed, world.scenario.name).diameters_m
     bumps = drawn[drawn < MESH_MIN_DIAMETER_M]
-    diameters = np.concatenate([bumps, [rock.diameter_m for rock in world.rocks]])
+    diameters = np.concatenate([bumps, world.rocks.diameters_m])
     rows = []
     for low, high in zip(SIZE_CLASSES_M, (*SIZE_CLASSES_M[1:], np.inf), strict=True):
         name = f"rocks of {low:g} to {high:g} m" if np.isfinite(high) else f"rocks of {low:g} m and more"

@@ -56,7 +56,10 @@ def draw_close_up(axes: Axes3D, world: World, centre_m: tuple[float, float], sid
     rows = np.flatnonzero(np.abs(y - centre_m[1]) <= side_m / 2)
     patch = HeightField(field.heights_m[np.ix_(rows, columns)], field.resolution_m, (x[columns[0]], y[rows[0]]))
     ground = _patch_triangles(patch)
-    mesh = world.picture_mesh
+    low, high = world.shapes.bounds_w
+    reach = side_m / 2 + (high - low)[:, :2].max(axis=1)
+    near = (np.abs((low + high)[:, :2] / 2 - centre_m) <= reach[:, None]).all(axis=1)
+    mesh = world.shapes.picture(np.flatnonzero(near).astype(np.int32))
     rocks = mesh.vertices_m[mesh.faces]
     middle = rocks.mean(axis=1)
     inside = contains(patch, middle[:, 0], middle[:, 1])
@@ -93,17 +96,13 @@ def _sun(world: World) -> FloatArray:
 
 
 def _draw_rocks(axes: Axes, world: World) -> None:
-    if not world.rocks:
+    rocks = world.rocks
+    if not len(rocks):
         return
-    columns = (
-        np.array([rock.shape.section_ratio for rock in world.rocks]),
-        *np.array([(rock.length_m, rock.width_m, rock.yaw_rad) for rock in world.rocks]).T,
-    )
-    places = np.array([rock.position_w[:2] for rock in world.rocks])
-    heights = np.array([rock.height_m for rock in world.rocks])
+    shapes = outlines(rocks.section_ratio, rocks.extents_m[:, 0], rocks.extents_m[:, 1], rocks.yaw_rad)
     collection = PolyCollection(
-        list(outlines(*columns) + places[:, None, :]),
-        facecolors=ROCK(np.clip(heights / TALL_M, 0.0, 1.0)),
+        list(shapes + rocks.position_w[:, None, :2]),
+        facecolors=ROCK(np.clip(rocks.extents_m[:, 2] / TALL_M, 0.0, 1.0)),
         edgecolors=ROCK_EDGE,
         linewidths=0.3,
         zorder=3,

@@ -9,7 +9,7 @@ import trimesh
 
 from perception.pipeline import ImageRock
 from worlds.rock_mesh import PICTURE_LEVELS, rock_meshes
-from worlds.types import FloatArray, HeightField, PerceivedRock, Rock, RockShape
+from worlds.types import FloatArray, HeightField, PerceivedRock, Rock, RockShape, RockTable
 
 _SAND, _ROCK = (196, 160, 112, 255), (112, 104, 96, 255)
 _CELL_M = 0.5
@@ -22,7 +22,7 @@ def terrain_glb(rocks: Sequence[ImageRock], reach_m: float) -> bytes:
     _add(scene, "ground", *_sheet(ground), _SAND)
     solids = [rock_of(rock, rock.placed) for rock in rocks if rock.placed is not None]
     if solids:
-        mesh = rock_meshes(solids, ground, PICTURE_LEVELS)
+        mesh = rock_meshes(RockTable.of(solids), ground, PICTURE_LEVELS)
         _add(scene, "rocks", mesh.vertices_m, np.asarray(mesh.faces), _ROCK)
     return bytes(scene.export(file_type="glb"))  # type: ignore[no-untyped-call]
 
