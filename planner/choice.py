@@ -21,6 +21,7 @@ from planner.traversability import PathFeatures, TraversabilityRules, traversabi
 from worlds.types import FloatArray, Footprint
 
 SUB_GOALS_M = (6.5, 4.5, 3.0, 2.0, 1.2)  # along the field's way, tried in turn
+AHEAD_M = (1.8, 1.0)  # to make room
 WORTH_M = 4.0  # metres of way that full traversability is worth when candidates are compared
 
 
@@ -33,6 +34,7 @@ class Place:
     goal_w: tuple[float, float]
     goal_radius_m: float
     slope_deg: float = 0.0
+    bold: bool = False  # may turn over ground that was never seen
 
 
 @dataclass(frozen=True)
@@ -80,6 +82,10 @@ def choose(memory: TerrainMemory, table_w: FloatArray, place: Place, models: Mod
         if choice is not None:
             return choice
     enclosed = not np.isfinite(here)
+    if not enclosed:
+        ahead = _ahead(memory, table_w, place, models, field, here)
+        if ahead is not None:
+            return ahead
     row = straight.blocked_row if straight is not None else None
     where = f"row {row} ahead is blocked" if row is not None else "no row is free"
     return Choice(None, 0.0, (), (), detour=True, squeeze=True, enclosed=enclosed, reason=where)
@@ -160,7 +166,7 @@ def _towards(
         place.heading_rad,
         models.drive.need_m(models.footprint, squeeze=squeeze),
         end_cost,
-        turn_range(table_w, memory.cells, position, place.heading_rad, models.footprint),
+        turn_range(table_w, None if place.bold else memory.cells, position, place.heading_rad, models.footprint),
     )
     return search(table_w, memory.cells, task, models.drive, models.rows)
 
@@ -211,6 +217,26 @@ def _round(
         if found.blocked_row is None and len(ends) and ends[0] < here - 0.4 * min(distance, arcs[-1]):
             reason = "round by a side" if not squeeze else "round through a narrow gap"
             return _chosen(found, table_w, place, models, detour=True, squeeze=squeeze, reason=reason)
+    return None
+
+
+def _ahead(
+    memory: TerrainMemory, table_w: FloatArray, place: Place, models: Models, field: GoalField, here: float
+) -> Choice | None:
+    """A short way about straight ahead, to where there is room to turn; not if it leads much farther from the goal."""
+    position = np.asarray(place.position_w)
+    way = field.way(position, 1.0)
+    wanted = np.arctan2(*(way[-1] - position)[::-1]) - place.heading_rad
+    right, left = turn_range(
+        table_w, None if place.bold else memory.cells, position, place.heading_rad, models.footprint
+    )
+    heading = place.heading_rad + float(np.clip((wanted + np.pi) % (2 * np.pi) - np.pi, right, left))
+    for distance in AHEAD_M:
+        target = position + distance * np.array([np.cos(heading), np.sin(heading)])
+        found = _towards(memory, table_w, place, models, target, squeeze=True, end_cost=field.at)
+        if found.blocked_row is None and found.candidates and float(field.at(target[None])[0]) < here + 2.0:
+            reason = "ahead to where there is room to turn"
+            return _chosen(found, table_w, place, models, detour=True, squeeze=True, reason=reason)
     return None
 
 

@@ -166,7 +166,7 @@ def _take_in(state: NavigatorState, observation: Observation | None, estimate: P
 def _place(state: NavigatorState, estimate: PoseEstimate) -> Place:
     x, y = (float(value) for value in estimate.pose.position_w[:2])
     yaw = euler_from_quaternion(estimate.pose.quaternion_w)[2]
-    return Place((x, y), yaw, state.goal_w, state.goal_radius_m, float(np.rad2deg(state.slope_rad)))
+    return Place((x, y), yaw, state.goal_w, state.goal_radius_m, float(np.rad2deg(state.slope_rad)), state.ladder.bold)
 
 
 def _table(state: NavigatorState) -> FloatArray:
@@ -235,6 +235,9 @@ def _recover(
     """The next rung of the ladder: look to a side, back out, and at its end give up."""
     manoeuvre, ladder = next_manoeuvre(state.ladder, state.memory, table, place, state.models.footprint, time_s)
     state = replace(state, way=None, ladder=ladder, detour=True, manoeuvre=manoeuvre)
+    if manoeuvre is None and choice is not None and not choice.enclosed and not ladder.bold:
+        state = replace(state, ladder=replace(ladder, rung=0, bold=True))
+        return _decide(state, replace(place, bold=True), time_s)
     if manoeuvre is None:
         enclosed = choice is not None and choice.enclosed
         why = "rocks enclose the goal or the rover" if enclosed else "no free row in any direction"

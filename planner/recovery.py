@@ -53,6 +53,7 @@ class Ladder:
     place_w: tuple[float, float] | None = None  # of the first rung
     heading_rad: float = 0.0  # then
     back_first: bool = False  # trouble was met: back out before anything else
+    bold: bool = False  # the second time round: turns may sweep ground that was never seen
 
     def after_move(self, place_w: FloatArray, progress_m: float) -> Ladder:
         """The ladder from its foot once the rover has got away from where it was stuck."""
@@ -102,7 +103,9 @@ def _back(
     back = -np.array([np.cos(place.heading_rad), np.sin(place.heading_rad)])
     distance = min(least_m, room_m)
     while distance < room_m:
-        right, left = turn_range(table_w, cells, position + distance * back, place.heading_rad, footprint)
+        right, left = turn_range(
+            table_w, None if place.bold else cells, position + distance * back, place.heading_rad, footprint
+        )
         if min(-right, left) >= ROOM_TO_TURN_RAD:
             break
         distance = min(distance + 0.2, room_m)
@@ -125,5 +128,7 @@ def _possible_turn(
 ) -> float:
     """Turn towards a heading, as far as there is room for the body."""
     wanted = wrap_angle(heading_rad - place.heading_rad)
-    right, left = turn_range(table_w, cells, np.asarray(place.position_w), place.heading_rad, footprint)
+    right, left = turn_range(
+        table_w, None if place.bold else cells, np.asarray(place.position_w), place.heading_rad, footprint
+    )
     return float(np.clip(wanted, right, left))

@@ -15,16 +15,19 @@ RIM = np.concatenate([share * np.stack([np.cos(_RIM_RAD), np.sin(_RIM_RAD)], axi
 
 
 def turn_range(
-    table_w: FloatArray, cells: GroundCells, place_w: FloatArray, heading_rad: float, footprint: Footprint
+    table_w: FloatArray, cells: GroundCells | None, place_w: FloatArray, heading_rad: float, footprint: Footprint
 ) -> tuple[float, float]:
     """How far the body can turn on the spot to the right (<= 0) and left (>= 0), radians.
 
-    It must meet no hard rock, nor ground that was never seen: the camera does not look where the corners sweep. What
-    the body's outline holds already is left out: it is under the belly, or the map is wrong.
+    It must meet no hard rock, nor, where ``cells`` are given, ground that was never seen: the camera looks elsewhere
+    than where the corners sweep. What the body's outline holds already is left out: it is under the belly, or the map
+    is wrong.
     """
     half_length, half_width = footprint.length_m / 2 + GAP_M, footprint.width_m / 2 + GAP_M
     hard = near(table_w, place_w, 1.6)
-    hard = np.vstack([hard[hard[:, 6] > 0.5], _unseen(cells, place_w, float(np.hypot(half_length, half_width)))])
+    hard = hard[hard[:, 6] > 0.5]
+    if cells is not None:
+        hard = np.vstack([hard, _unseen(cells, place_w, float(np.hypot(half_length, half_width)))])
     local = in_frame(hard, Frame2((float(place_w[0]), float(place_w[1])), heading_rad))
     ends = []
     for side in (-1.0, 1.0):

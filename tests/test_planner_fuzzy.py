@@ -63,7 +63,7 @@ def test_no_rule_no_answer() -> None:
 @settings(deadline=None)
 @given(st.lists(st.tuples(st.floats(0.1, 39.9), st.floats(0.01, 0.99)), min_size=1, max_size=5))
 def test_agrees_with_scikit_fuzzy(samples: list[tuple[float, float]]) -> None:
-    import skfuzzy as sk  # noqa: PLC0415
+    import skfuzzy as sk
 
     base = fuzzy.rule_base(table(), "here")
     slope, rough = np.array(samples).T

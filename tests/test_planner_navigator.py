@@ -97,3 +97,12 @@ def test_trouble_ahead_is_backed_out_of_and_avoided() -> None:
     _, onward = navigator.step(state, None, pose_at(2.0, 0, 0), 5.0)
     assert onward.kind == "drive"
     assert abs(np.interp(3.5, onward.waypoints_w[:, 0], onward.waypoints_w[:, 1])) > 0.5
+
+
+def test_a_dead_end_deeper_than_the_view_is_left_again() -> None:
+    deep = [(13.0, float(y), 0.3) for y in np.arange(-2.5, 2.6, 0.5)]
+    deep += [(float(x), side, 0.3) for x in np.arange(1.5, 13.1, 0.5) for side in (-2.5, 2.5)]
+    run = traverse(DiscWorld.of(deep), (18.0, 0.0), time_limit_s=300.0)
+    assert run.track[:, 0].max() > 5.0
+    assert run.end == "arrived"
+    assert run.collisions == 0
