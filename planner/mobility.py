@@ -1,4 +1,4 @@
-"""Mobility planning: a path to speed and yaw rate, and those to the four wheels of a skid-steer rover.
+"""Mobility planning: a path to speed and yaw rate, and those to the wheels of a skid-steer rover.
 
 Regulated pure pursuit: Coulter, CMU-RI-TR-92-01 (1992); the slowing by curvature and nearness after Macenski,
 Singh, Martin, Gines, "Regulated pure pursuit for robot path tracking", Autonomous Robots 47 (2023) 685-694.
@@ -116,21 +116,27 @@ def ramp(previous: Command, wanted: Command, limits: Limits, step_s: float) -> C
 
 
 def wheel_speeds(linear_m_s: float, yaw_rate_rad_s: float, footprint: Footprint) -> tuple[float, ...]:
-    """Wheel speeds (rad/s; left front, left rear, right front, right rear) of a wanted motion.
+    """Wheel speeds (rad/s; left side front to rear, then right side) of a wanted motion.
 
     A motion beyond the fastest wheel is slowed as a whole, so its curvature stays.
     """
     half_track = footprint.effective_track_ratio * footprint.track_m / 2.0
     left, right = linear_m_s - yaw_rate_rad_s * half_track, linear_m_s + yaw_rate_rad_s * half_track
     scale = min(1.0, footprint.max_speed_m_s / max(abs(left), abs(right), 1e-9)) / footprint.wheel_radius_m
-    return left * scale, left * scale, right * scale, right * scale
+    return (left * scale,) * (footprint.wheels // 2) + (right * scale,) * (footprint.wheels // 2)
 
 
 def body_motion(wheel_speed_rad_s: tuple[float, ...], footprint: Footprint) -> Command:
     """Motion that wheels without slip would give: the inverse of `wheel_speeds`."""
-    left = footprint.wheel_radius_m * (wheel_speed_rad_s[0] + wheel_speed_rad_s[1]) / 2.0
-    right = footprint.wheel_radius_m * (wheel_speed_rad_s[2] + wheel_speed_rad_s[3]) / 2.0
+    left, right = rim_speeds(wheel_speed_rad_s, footprint)
     return Command((left + right) / 2.0, (right - left) / (footprint.effective_track_ratio * footprint.track_m))
+
+
+def rim_speeds(wheel_speed_rad_s: tuple[float, ...], footprint: Footprint) -> tuple[float, float]:
+    """Mean rim speed (m/s) of the left and of the right wheels."""
+    half = len(wheel_speed_rad_s) // 2
+    share = footprint.wheel_radius_m / half
+    return share * sum(wheel_speed_rad_s[:half]), share * sum(wheel_speed_rad_s[half:])
 
 
 def _turn_rate(error_rad: float, footprint: Footprint, limits: Limits) -> float:

@@ -10,7 +10,7 @@ from enum import StrEnum
 
 import numpy as np
 
-from planner.mobility import Command, body_motion
+from planner.mobility import Command, rim_speeds
 from worlds.geometry import euler_from_quaternion, rotation_from_quaternion
 from worlds.types import Footprint, PoseEstimate
 
@@ -103,10 +103,9 @@ def _slip(
 ) -> MonitorState:
     """Averages of slip = 1 - true over wheel speed, and the wheel travel spent above the limit."""
     body, left, right = side_speeds(estimate, footprint)
-    radius = footprint.wheel_radius_m
-    wheel_left, wheel_right = radius * (wheels[0] + wheels[1]) / 2.0, radius * (wheels[2] + wheels[3]) / 2.0
-    mean = body_motion(wheels, footprint).linear_m_s
-    travel = float(np.mean(np.abs(wheels))) * radius * step
+    wheel_left, wheel_right = rim_speeds(wheels, footprint)
+    mean = (wheel_left + wheel_right) / 2.0
+    travel = float(np.mean(np.abs(wheels))) * footprint.wheel_radius_m * step
     share = 1.0 - float(np.exp(-travel / limits.smoothing_m))
     least = limits.least_wheel_speed_m_s
     slip = _blend(state.slip, body, mean, share, least)

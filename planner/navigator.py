@@ -171,7 +171,8 @@ def _place(state: NavigatorState, estimate: PoseEstimate) -> Place:
 
 def _table(state: NavigatorState) -> FloatArray:
     """Obstacles (N, 7) in the world: remembered rocks and places of trouble."""
-    table = obstacles(state.memory.rocks, state.models.drive)
+    models = state.models
+    table = obstacles(state.memory.rocks, models.drive, models.footprint.climb_height_m)
     xy, radius = state.avoid_w[:, :2], state.avoid_w[:, 2:]
     trouble = np.hstack([xy, xy, radius, np.ones_like(radius), np.ones_like(radius)])
     return np.vstack([table, trouble])

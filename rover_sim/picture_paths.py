@@ -39,7 +39,8 @@ def picture_paths(observation: Observation, view: View, footprint: Footprint) ->
     memory = remember(empty_memory(_ORIGIN), replace(observation, rocks=rocks), _ORIGIN)
     models = Models(footprint)
     place = Place((0.0, 0.0), 0.0, (GOAL_RANGE_M, 0.0), GOAL_RADIUS_M)
-    choice = choose(memory, obstacles(memory.rocks, models.drive), place, models, detour=False)
+    table = obstacles(memory.rocks, models.drive, footprint.climb_height_m)
+    choice = choose(memory, table, place, models, detour=False)
     found = [
         path
         for candidate, score in zip(choice.candidates, choice.scores, strict=True)

@@ -283,7 +283,7 @@ class SensorReadings:
 
     time_s: float
     imu: ImuReading
-    wheel_speed_rad_s: tuple[float, ...]  # left front, left rear, right front, right rear
+    wheel_speed_rad_s: tuple[float, ...]  # left side front to rear, then right side front to rear
     gnss: GnssReading | None = None
 
 
@@ -300,6 +300,8 @@ class Footprint:
     max_speed_m_s: float
     max_yaw_rate_rad_s: float
     effective_track_ratio: float = 1.6  # skid-steer: kinematic yaw rate over true yaw rate
+    wheels: int = 4  # half of them on each side
+    climb_height_m: float = 0.08  # lower rocks may be driven over
 
 
 @dataclass(frozen=True, eq=False)

@@ -35,7 +35,7 @@ class Autopilot:
         self._events: list[Event] = []
 
     def update(self, time_s: float, estimate: PoseEstimate | None, readings: SensorReadings) -> tuple[float, ...]:
-        """Wheel speeds (rad/s; left front, left rear, right front, right rear) to hold until the next update.
+        """Wheel speeds (rad/s; left side front to rear, then right side) to hold until the next update.
 
         ``estimate`` is None where there is no pose at all; an old one counts as lost after ``FS_POSE_S``.
         """
