@@ -13,6 +13,7 @@ from perception.pipeline import ImageRock, Perception, View
 from rover_sim import __version__
 from rover_sim.errors import InputError
 from rover_sim.picture_paths import PicturePath
+from rover_sim.sim.rover import load_rover
 from worlds.geometry import camera_pose, quaternion_from_euler
 from worlds.scenario import Camera
 from worlds.strict_toml import Limits, check_limits, convert_table, read_table
@@ -47,9 +48,9 @@ def load_camera(path: Path) -> CameraFile:
 
 def default_camera(size: tuple[int, int]) -> CameraFile:
     """The simulated rover's camera, for a picture of ``size`` (width, height) of which nothing is known."""
-    usual = Camera()
+    usual, height_m = Camera(), load_rover("husky").mast.height_m
     return CameraFile(
-        width=size[0], height=size[1], fov_deg=usual.fov_deg, pitch_deg=usual.pitch_deg, height_m=usual.height_m
+        width=size[0], height=size[1], fov_deg=usual.fov_deg, pitch_deg=usual.pitch_deg, height_m=height_m
     )
 
 

@@ -7,7 +7,7 @@ from xml.etree import ElementTree as ET
 import pytest
 
 from rover_sim.sim.rover import load_rover, rover_names
-from rover_sim.sim.rover_urdf import WHEEL_NAMES, urdf
+from rover_sim.sim.rover_urdf import urdf, wheel_names
 from worlds.errors import ScenarioError
 from worlds.scenario import Camera
 
@@ -53,14 +53,15 @@ def test_urdf_has_four_wheels_in_order_on_axles_along_y() -> None:
     root = ET.fromstring(urdf(rover))  # noqa: S314 - our own text
     joints = root.findall("joint")
     children = [joint.find("child") for joint in joints]
-    assert [child.attrib["link"] for child in children if child is not None] == list(WHEEL_NAMES)
+    assert [child.attrib["link"] for child in children if child is not None] == list(wheel_names(rover))
+    assert wheel_names(rover) == ("wheel_left_front", "wheel_left_rear", "wheel_right_front", "wheel_right_rear")
     assert all(axis.attrib["xyz"] == "0 1 0" for joint in joints if (axis := joint.find("axis")) is not None)
     masses = [float(mass.attrib["value"]) for mass in root.iter("mass")]
     assert sum(masses) == pytest.approx(rover.mass_kg)
 
 
 def test_all_shipped_rovers_load() -> None:
-    assert rover_names() == ["husky", "jackal"]
+    assert rover_names() == ["husky", "jackal", "rocker_bogie"]
     for name in rover_names():
         assert load_rover(name).name == name
 
@@ -71,7 +72,8 @@ def test_all_shipped_rovers_load() -> None:
         ("mass_kg = 46.034", "mass_kg = -1.0", r"chassis\.mass_kg = -1: allowed are"),
         ("mass_kg = 46.034", "mass_kg = 0.0", r"chassis\.mass_kg = 0: allowed are"),
         ("mass_kg = 46.034", "mass_kg = nan", r"chassis\.mass_kg = nan: must be a finite"),
-        ("radius_m = 0.1651", "radius_m = 0.6", r"wheel\.radius_m = 0\.6.*wheels overlap"),
+        ("radius_m = 0.1651", "radius_m = 0.6", r"wheel\.radius_m = 0\.6.*larger than the rover"),
+        ("radius_m = 0.1651", "radius_m = 0.3", r"wheel\.radius_m = 0\.3.*wheels overlap"),
         ("grouser_m = 0.010", "grouser_m = 0.1", r"wheel\.grouser_m = 0\.1: at most half"),
         ("max_torque_Nm = 30.0", "max_torqe_Nm = 30.0", r"max_torqe_Nm.*unknown key.*max_torque_Nm"),
         ("max_torque_Nm = 30.0", "", r"motor\.max_torque_Nm: this key is required"),
@@ -87,5 +89,5 @@ def test_a_rover_that_cannot_be_is_named_on_one_line(tmp_path: Path, old: str, n
 
 
 def test_unknown_rover_lists_the_known() -> None:
-    with pytest.raises(ScenarioError, match=r"rover\.model = 'rocket'.*husky, jackal"):
+    with pytest.raises(ScenarioError, match=r"rover\.model = 'rocket'.*husky, jackal, rocker_bogie"):
         load_rover("rocket")

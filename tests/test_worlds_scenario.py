@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from worlds.errors import ScenarioError
 from worlds.scenario import (
     LIMITS,
+    Camera,
     Goal,
     Obstacle,
     Origin,
@@ -106,7 +107,8 @@ def test_every_number_has_a_range() -> None:
     obstacle = Obstacle(kind="rock", position_m=(0.0, 0.0), radius_m=1.0, height_m=1.0)
     patch = SoilPatch(kind="disc", preset="firm", position_m=(0.0, 0.0), radius_m=1.0, size_m=(1.0, 1.0))
     soil = SoilChoice(patch=(patch,))
-    scenario = Scenario(name="x", terrain=terrain, obstacle=(obstacle,), soil=soil, origin=Origin())
+    camera = Camera(height_m=1.0)
+    scenario = Scenario(name="x", terrain=terrain, obstacle=(obstacle,), soil=soil, origin=Origin(), camera=camera)
     assert numeric_keys(scenario) == set(LIMITS)
 
 

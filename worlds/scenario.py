@@ -114,7 +114,7 @@ class Camera(_Table, frozen=True):
     height: int = 240
     fov_deg: float = 75.2  # horizontal
     pitch_deg: float = 25.0
-    height_m: float = 1.1  # above the ground under a level rover
+    height_m: float | None = None  # above the ground under a level rover; None: the mast of the rover
     noise: float = 1.5  # grey levels, one sigma
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from rover_sim.sim.bullet import pybullet
 from rover_sim.sim.obstacle_index import ObstacleIndex
 from rover_sim.sim.vehicle_state import BodyContact
-from rover_sim.sim.world import CHASSIS, RoverBody
+from rover_sim.sim.world import RoverBody
 from worlds.types import BoolArray, FloatArray, Vector3, World
 
 # Places in a contact point of getContactPoints(bodyA=rover).
@@ -21,7 +21,7 @@ _OPPOSITE = -0.5  # cosine between two such directions: at least 120 degrees apa
 
 
 class ContactReader:
-    """Reads the contacts of each step; keeps the hardest hull contact of each obstacle until it is taken."""
+    """Reads the contacts of each step; keeps the hardest hull contact (arms included) of each obstacle until taken."""
 
     def __init__(self, client: int, rover: RoverBody, world: World, obstacles: tuple[int, ...]) -> None:
         self._client, self._rover = client, rover
@@ -44,7 +44,7 @@ class ContactReader:
             return
         found = pybullet.getContactPoints(bodyA=self._rover.body, physicsClientId=self._client)
         self._now = [point for point in found if point[_FORCE] > 0.0] if found else []
-        hull = [point for point in self._now if point[_LINK] == CHASSIS]
+        hull = [point for point in self._now if point[_LINK] not in self._wheel_place]
         self.body = tuple(self._body_contact(point, time_s) for point in hull)
         for contact in self.body:
             known = self._kept.get(contact.obstacle_id)

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import msgspec
 
+from rover_sim.sim.rover_checks import check_rover
 from rover_sim.sim.wong_reece import WheelShape
 from worlds.errors import ScenarioError
 from worlds.scenario import Camera
@@ -14,6 +15,10 @@ from worlds.strict_toml import Limits, check_limits, convert_table, read_table
 from worlds.types import CameraModel, Footprint, Vector3
 
 _FOLDER = Path(__file__).parent / "rovers"
+CHASSIS = "chassis"  # what wheels and arms sit on if on no arm
+_RIGID_CLIMB = 0.5  # of the wheel radius; a vertical step of 0.6 is what Husky climbs, 0.9 the rocker-bogie
+_ARTICULATED_CLIMB = 0.8
+_CLEARANCE_SHARE = 0.6
 _LENGTH = (0.001, 20.0)
 _OFFSET = (-20.0, 20.0)
 _LIMITS: Limits = {
@@ -23,6 +28,7 @@ _LIMITS: Limits = {
     "chassis.clearance_m": (0.0, 5.0),
     "chassis.box.size_m": _LENGTH,
     "chassis.box.centre_m": _OFFSET,
+    "chassis.box.pitch_deg": (-90.0, 90.0),
     "wheel.positions_m": _OFFSET,
     "wheel.radius_m": (0.01, 5.0),
     "wheel.width_m": (0.005, 5.0),
@@ -34,7 +40,16 @@ _LIMITS: Limits = {
     "motor.max_acceleration_rad_s2": (0.01, 1e4),
     "motor.rotor_inertia_kg_m2": (0.0, 1e3),
     "motor.idle_power_W": (0.0, 1e5),
+    "suspension.arm.pivot_m": _OFFSET,
+    "suspension.arm.mass_kg": (0.01, 1e5),
+    "suspension.arm.inertia_kg_m2": (1e-6, 1e6),
+    "suspension.arm.centre_of_mass_m": _OFFSET,
+    "suspension.arm.limits_deg": (-120.0, 120.0),
+    "suspension.arm.box.size_m": _LENGTH,
+    "suspension.arm.box.centre_m": _OFFSET,
+    "suspension.arm.box.pitch_deg": (-90.0, 90.0),
     "mast.forward_m": _OFFSET,
+    "mast.height_m": (0.1, 10.0),
     "drive.max_yaw_rate_rad_s": (0.01, 20.0),
     "drive.effective_track_ratio": (1.0, 10.0),
 }
@@ -45,10 +60,11 @@ class _Table(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
 
 
 class Box(_Table, frozen=True, kw_only=True):
-    """One box of the hull, in body axes."""
+    """One box of the hull or of an arm, in body axes with every arm level."""
 
     size_m: Vector3
     centre_m: Vector3
+    pitch_deg: float = 0.0  # turned about y, nose down positive
 
 
 class Chassis(_Table, frozen=True, kw_only=True):
@@ -62,14 +78,39 @@ class Chassis(_Table, frozen=True, kw_only=True):
 
 
 class Wheel(_Table, frozen=True, kw_only=True):
-    """Equal wheels on axles along y; left front, left rear, right front, right rear."""
+    """Equal wheels on axles along y; the left ones from front to rear, then the right ones."""
 
-    positions_m: tuple[Vector3, Vector3, Vector3, Vector3]
+    positions_m: tuple[Vector3, ...]  # with every arm level
     radius_m: float
     width_m: float
     mass_kg: float
     grouser_m: float = 0.0
     stiffness_N_m: float  # of tyre and ground in series, beside the plastic sinkage
+
+
+class Arm(_Table, frozen=True, kw_only=True):
+    """A passive arm that swings about y between rover and wheels: a rocker or a bogie."""
+
+    name: str
+    parent: str = CHASSIS  # or the name of an arm further up in the list
+    pivot_m: Vector3  # on its parent
+    mass_kg: float
+    inertia_kg_m2: Vector3
+    centre_of_mass_m: Vector3
+    limits_deg: tuple[float, float]  # of its angle to its parent, nose down positive
+    box: tuple[Box, ...] = ()  # what rocks may touch
+
+
+class Suspension(_Table, frozen=True, kw_only=True):
+    """Passive arms; empty for wheels that sit on the chassis."""
+
+    wheel_arms: tuple[str, ...] = ()  # what each wheel sits on
+    differential: tuple[str, str] | None = None  # arms whose angles sum to zero: the chassis keeps their mean pitch
+    arm: tuple[Arm, ...] = ()
+
+    def arm_numbers(self) -> dict[str, int]:
+        """Place in the list of every arm, -1 for the chassis."""
+        return {CHASSIS: -1, **{arm.name: number for number, arm in enumerate(self.arm)}}
 
 
 class Motor(_Table, frozen=True, kw_only=True):
@@ -86,6 +127,7 @@ class Mast(_Table, frozen=True, kw_only=True):
     """Where the camera stands."""
 
     forward_m: float
+    height_m: float  # of the lens above level ground, where the scenario gives none
 
 
 class Drive(_Table, frozen=True, kw_only=True):
@@ -101,24 +143,27 @@ class RoverModel(_Table, frozen=True, kw_only=True):
     name: str
     chassis: Chassis
     wheel: Wheel
+    suspension: Suspension = Suspension()
     motor: Motor
     mast: Mast
     drive: Drive
 
     @property
     def mass_kg(self) -> float:
-        """Chassis and wheels."""
-        return self.chassis.mass_kg + len(self.wheel.positions_m) * self.wheel.mass_kg
+        """Chassis, arms and wheels."""
+        return sum(mass for mass, _ in self._parts())
 
     @property
     def centre_of_mass_b(self) -> Vector3:
-        """Centre of mass of chassis and wheels."""
-        chassis, wheel = self.chassis, self.wheel
-        x, y, z = (
-            (chassis.mass_kg * own + wheel.mass_kg * sum(column)) / self.mass_kg
-            for own, column in zip(chassis.centre_of_mass_m, zip(*wheel.positions_m, strict=True), strict=True)
-        )
+        """Centre of mass of chassis, arms and wheels, with every arm level."""
+        x, y, z = (sum(mass * place[axis] for mass, place in self._parts()) / self.mass_kg for axis in range(3))
         return x, y, z
+
+    @property
+    def climb_height_m(self) -> float:
+        """Height of rocks that may be driven over: what the wheels climb and the belly clears, with room to spare."""
+        share = _ARTICULATED_CLIMB if self.suspension.arm else _RIGID_CLIMB
+        return min(share * self.wheel.radius_m, _CLEARANCE_SHARE * self.chassis.clearance_m)
 
     @property
     def track_m(self) -> float:
@@ -147,13 +192,22 @@ class RoverModel(_Table, frozen=True, kw_only=True):
             max_speed_m_s=radius * self.motor.max_speed_rad_s,
             max_yaw_rate_rad_s=self.drive.max_yaw_rate_rad_s,
             effective_track_ratio=self.drive.effective_track_ratio,
+            wheels=len(self.wheel.positions_m),
+            climb_height_m=self.climb_height_m,
         )
 
     def camera(self, camera: Camera) -> CameraModel:
-        """The scenario's camera on this rover, its lens ``height_m`` above level ground."""
+        """The scenario's camera on this rover, on its mast unless the scenario has a height of its own."""
+        height = self.mast.height_m if camera.height_m is None else camera.height_m
         focal = 0.5 * camera.width / tan(radians(camera.fov_deg) / 2.0)
-        position = (self.mast.forward_m, 0.0, camera.height_m - self.wheel.radius_m)
+        position = (self.mast.forward_m, 0.0, height - self.wheel.radius_m)
         return CameraModel(camera.width, camera.height, focal, position, radians(camera.pitch_deg))
+
+    def _parts(self) -> list[tuple[float, Vector3]]:
+        """Mass and place of every part."""
+        parts = [(self.chassis.mass_kg, self.chassis.centre_of_mass_m)]
+        parts += [(arm.mass_kg, arm.centre_of_mass_m) for arm in self.suspension.arm]
+        return parts + [(self.wheel.mass_kg, position) for position in self.wheel.positions_m]
 
     def _span(self, axis: int) -> float:
         values = [position[axis] for position in self.wheel.positions_m]
@@ -182,31 +236,5 @@ def load_rover(name_or_path: str | Path) -> RoverModel:
         raise ScenarioError(f"rover.model = {str(name_or_path)!r}: no such rover; allowed: {known}, or a TOML file")
     model = convert_table(read_table(path), RoverModel, str(path))
     check_limits(model, _LIMITS, str(path))
-    _check_geometry(model, str(path))
+    check_rover(model, str(path))
     return model
-
-
-def _check_geometry(model: RoverModel, source: str) -> None:
-    """Raise `ScenarioError` for parts that do not fit together."""
-    wheel, chassis = model.wheel, model.chassis
-    if not chassis.box:
-        raise ScenarioError(f"{source}: chassis.box: at least one box is needed")
-    if model.wheelbase_m < 2.0 * wheel.radius_m or model.track_m < 2.0 * wheel.width_m:
-        raise ScenarioError(
-            f"{source}: wheel.radius_m = {wheel.radius_m:g}, wheel.width_m = {wheel.width_m:g}: wheels overlap; "
-            f"the wheelbase is {model.wheelbase_m:g} m and the track {model.track_m:g} m"
-        )
-    if wheel.grouser_m > 0.5 * wheel.radius_m:
-        raise ScenarioError(f"{source}: wheel.grouser_m = {wheel.grouser_m:g}: at most half of the wheel radius")
-    for place, (position, side, row) in enumerate(zip(wheel.positions_m, (1, 1, -1, -1), (1, -1, 1, -1), strict=True)):
-        if position[1] * side <= 0.0 or position[0] * row <= 0.0:
-            raise ScenarioError(
-                f"{source}: wheel.positions_m[{place}] = {list(position)}: "
-                "the order is left front, left rear, right front, right rear (x forward, y left)"
-            )
-    a, b, c = sorted(chassis.inertia_kg_m2)
-    if a + b < c:
-        raise ScenarioError(
-            f"{source}: chassis.inertia_kg_m2 = {list(chassis.inertia_kg_m2)}: no body has one moment "
-            "larger than the sum of the other two"
-        )

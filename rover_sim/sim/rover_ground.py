@@ -6,6 +6,7 @@ from math import sqrt
 
 import numpy as np
 
+from rover_sim.sim import linkage
 from rover_sim.sim import soil_kernels as kernel
 from rover_sim.sim.rover import Box, RoverModel
 from rover_sim.sim.terramechanics import WheelSoil
@@ -22,13 +23,14 @@ class RoverGround:
     def __init__(self, ground: HeightField, soil: Soil, rover: RoverModel, gravity_m_s2: float) -> None:
         self.soil = WheelSoil(ground, soil, rover, gravity_m_s2)
         centre = np.array(rover.chassis.centre_of_mass_m)
-        self._hubs = np.array(rover.wheel.positions_m) - centre
+        self._rover = rover
+        self._hubs, self._arms = linkage.hub_table(rover), linkage.arm_table(rover)
         self._points = belly_points(rover) - centre
         stiffness = rover.wheel.stiffness_N_m
         share = rover.mass_kg / len(self._hubs)
         damping = 2.0 * _BELLY_DAMPING_RATIO * sqrt(stiffness * share)
         self._belly = np.array([stiffness, damping, _BELLY_FRICTION])
-        self.raw = np.zeros(13 + len(self._hubs))
+        self.raw = np.zeros(13 + len(self._hubs) + 2 * len(self._arms))
         self.body = np.zeros(kernel.BODY_COLUMNS)
         self.motion = np.zeros((len(self._hubs), kernel.MOTION_COLUMNS))
         self.wrench = np.zeros(6)
@@ -45,6 +47,7 @@ class RoverGround:
                 self._points,
                 self._belly,
                 self._hubs,
+                self._arms,
                 self.raw,
                 self.body,
                 self.motion,
@@ -54,6 +57,12 @@ class RoverGround:
                 dt,
             )
         )
+
+    def locate(self) -> tuple[FloatArray, FloatArray]:
+        """Hubs (n, 3) and centre of mass (3,) of the whole rover in the world, for ``raw`` as it is now."""
+        kernel.locate(self.raw, self._hubs, self._arms, self.body, self.motion)
+        hubs = self.motion[:, :3].copy()
+        return hubs, linkage.mass_centre_w(self._rover, self.body, hubs, self._arms)
 
 
 def belly_points(rover: RoverModel) -> FloatArray:

@@ -61,7 +61,7 @@ class Simulation:
         return self._client
 
     def step(self, wheel_speed_rad_s: Sequence[float]) -> None:
-        """Advance one time step; the speeds are left front, left rear, right front, right rear."""
+        """Advance one time step; the speeds are of the left side front to rear, then of the right side."""
         self._seen = None
         self._command(wheel_speed_rad_s)
         self._belly = self._ground.step(self.dt) > 0
@@ -167,11 +167,13 @@ class Simulation:
         client, body, raw = self._client, self._body.body, self._ground.raw
         position, quaternion = pybullet.getBasePositionAndOrientation(body, physicsClientId=client)
         velocity, rate = pybullet.getBaseVelocity(body, physicsClientId=client)
-        joints = pybullet.getJointStates(body, self._body.wheels, physicsClientId=client)
-        self._wheel_angles = [joint[0] for joint in joints]
-        self._wheel_speeds = [joint[1] for joint in joints]
-        self._torques = [joint[3] for joint in joints]
-        raw[:] = (*position, *quaternion, *velocity, *rate, *self._wheel_speeds)
+        joints = pybullet.getJointStates(body, self._body.joints, physicsClientId=client)
+        wheels, arms = joints[: self._ground.soil.count], joints[self._ground.soil.count :]
+        self._wheel_angles = [joint[0] for joint in wheels]
+        self._wheel_speeds = [joint[1] for joint in wheels]
+        self._torques = [joint[3] for joint in wheels]
+        swing = [joint[column] for column in (0, 1) for joint in arms]
+        raw[:] = (*position, *quaternion, *velocity, *rate, *self._wheel_speeds, *swing)
         self._recent_motion.append((velocity, rate, self._pushed))
         self._pushed = _NO_PUSH
 
@@ -181,7 +183,10 @@ class Simulation:
         self._energy_J += self._power_W * self.dt
 
     def _snapshot(self) -> truth.Snapshot:
+        hubs_w, centre_w = self._ground.locate()
         return truth.Snapshot(
+            hubs_w=hubs_w,
+            centre_w=centre_w,
             time_s=self.time_s,
             dt=self.dt,
             gravity_m_s2=self.world.scenario.gravity_m_s2,

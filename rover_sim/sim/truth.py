@@ -11,6 +11,7 @@ import numpy as np
 from rover_sim.sim import soil_kernels as kernel
 from rover_sim.sim.rover import RoverModel
 from rover_sim.sim.stability import force_angle
+from rover_sim.sim.support_polygon import outline
 from rover_sim.sim.surroundings import Grid, Surroundings
 from rover_sim.sim.vehicle_state import BodyContact, VehicleState
 from worlds.geometry import rotation_from_quaternion
@@ -18,7 +19,6 @@ from worlds.heightfield import contains
 from worlds.types import BoolArray, FloatArray, HeightField, Pose, Vector3
 
 Motion = tuple[Vector3, Vector3, Vector3]  # velocity and rate of the chassis' centre of mass, push of that step (N)
-_CLOCKWISE = (0, 2, 3, 1)  # wheels seen from above
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,7 +33,9 @@ class Snapshot:
     ground: FloatArray  # heights that the wheels roll on
     grid: Grid
     around: Surroundings
-    raw: FloatArray  # (13 + n,) as in soil_kernels.ground_forces
+    raw: FloatArray  # (13 + n + 2 m,) as in soil_kernels.ground_forces
+    hubs_w: FloatArray  # (n, 3)
+    centre_w: FloatArray  # (3,) of mass, whole rover
     wheels: FloatArray  # (n, 13) as in soil_kernels
     rock_loads_N: FloatArray  # (n,)
     torques_Nm: FloatArray  # (n,)
@@ -51,7 +53,7 @@ def observe(now: Snapshot) -> VehicleState:
     rotation = rotation_from_quaternion(now.raw[3:7])
     offset = rotation @ np.array(now.rover.chassis.centre_of_mass_m)
     position, rate = now.raw[:3] - offset, now.raw[10:13].copy()
-    hubs = position + np.array(now.rover.wheel.positions_m) @ rotation.T
+    hubs, wheel_speeds = now.hubs_w, now.raw[13 : 13 + len(now.hubs_w)].copy()
     ahead = np.array([rotation[1, 1], -rotation[0, 1]])  # axle x up: level
     directions = np.tile(ahead / max(hypot(*ahead), 1e-9), (len(hubs), 1))
     return VehicleState(
@@ -60,20 +62,20 @@ def observe(now: Snapshot) -> VehicleState:
         linear_velocity_w=now.raw[7:10] - _cross(rate, offset),
         angular_velocity_w=rate,
         hubs_w=hubs,
-        wheel_speed_rad_s=now.raw[13:].copy(),
+        wheel_speed_rad_s=wheel_speeds,
         slip=now.wheels[:, kernel.SLIP],
         slip_angle_rad=now.wheels[:, kernel.SLIP_ANGLE],
         sinkage_m=now.wheels[:, kernel.DEPTH],
         normal_force_N=now.wheels[:, kernel.NORMAL] + now.rock_loads_N,
         drawbar_N=now.wheels[:, kernel.DRAWBAR],
         wheel_torque_Nm=now.torques_Nm,
-        wheel_power_W=now.torques_Nm * now.raw[13:],
+        wheel_power_W=now.torques_Nm * wheel_speeds,
         pit_depth_m=now.around.pit_depths(now.ground, now.grid, hubs, directions),
         wedged=now.wedged,
         power_W=now.power_W,
         energy_J=now.energy_J,
         tilt_rad=acos(min(max(float(rotation[2, 2]), -1.0), 1.0)),
-        stability_margin=_stability(now, rotation, position),
+        stability_margin=_stability(now, rotation),
         belly_contact=now.belly_contact,
         belly_clearance_m=now.around.belly_clearance(now.ground, now.grid, position, rotation),
         body_contacts=now.body_contacts,
@@ -82,10 +84,10 @@ def observe(now: Snapshot) -> VehicleState:
     )
 
 
-def _stability(now: Snapshot, rotation: FloatArray, origin: FloatArray) -> float:
+def _stability(now: Snapshot, rotation: FloatArray) -> float:
     """Force-angle measure divided by its value at rest on level ground."""
     rover = now.rover
-    feet_b, centre_b = _feet_and_centre(rover)
+    feet_w = now.hubs_w[list(_outline(rover))] - rover.wheel.radius_m * rotation[:, 2]
     (old_velocity, old_rate, _), (velocity, rate, _) = now.motion[0], now.motion[-1]
     steps = max(len(now.motion) - 1, 1)
     acceleration = (np.array(velocity) - old_velocity) / (steps * now.dt)
@@ -94,7 +96,7 @@ def _stability(now: Snapshot, rotation: FloatArray, origin: FloatArray) -> float
     push = np.array([sum(axis) for axis in zip(*(step[2] for step in now.motion), strict=True)])
     force = rover.mass_kg * (gravity - acceleration) + push / steps
     moment = -rotation @ (_inertia(rover) @ turning)
-    margin = force_angle(feet_b @ rotation.T + origin, rotation @ centre_b + origin, force, moment)
+    margin = force_angle(feet_w, now.centre_w, force, moment)
     return margin / _level_measure(rover, now.gravity_m_s2)
 
 
@@ -105,21 +107,21 @@ def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
 
 
 @cache
-def _feet_and_centre(rover: RoverModel) -> tuple[FloatArray, FloatArray]:
-    """Wheel contacts (m, 3), clockwise from above, and centre of mass (3,) in body axes."""
-    feet = np.array(rover.wheel.positions_m) - [0.0, 0.0, rover.wheel.radius_m]
-    return feet[list(_CLOCKWISE)], np.array(rover.centre_of_mass_b)
+def _outline(rover: RoverModel) -> tuple[int, ...]:
+    """Wheels whose contacts span the polygon of support, clockwise from above."""
+    return outline(np.array(rover.wheel.positions_m)[:, :2])
 
 
 @cache
 def _inertia(rover: RoverModel) -> FloatArray:
-    """Moments of inertia (3, 3) of chassis and wheels about their common centre of mass, body axes."""
+    """Moments of inertia (3, 3) of chassis, level arms and wheels about their common centre of mass, body axes."""
     wheel, centre = rover.wheel, np.array(rover.centre_of_mass_b)
     across = wheel.mass_kg * (3.0 * wheel.radius_m**2 + wheel.width_m**2) / 12.0
     own = np.diag([across, 0.5 * wheel.mass_kg * wheel.radius_m**2, across])
-    total = np.diag(rover.chassis.inertia_kg_m2) + _point_inertia(
-        rover.chassis.mass_kg, np.array(rover.chassis.centre_of_mass_m) - centre
-    )
+    total = np.zeros((3, 3))
+    for part in (rover.chassis, *rover.suspension.arm):
+        offset = np.array(part.centre_of_mass_m) - centre
+        total = total + np.diag(part.inertia_kg_m2) + _point_inertia(part.mass_kg, offset)
     for position in wheel.positions_m:
         total = total + own + _point_inertia(wheel.mass_kg, np.array(position) - centre)
     return total
@@ -133,4 +135,5 @@ def _point_inertia(mass_kg: float, place: FloatArray) -> FloatArray:
 def _level_measure(rover: RoverModel, gravity_m_s2: float) -> float:
     """The force-angle measure at rest on level ground."""
     weight = np.array([0.0, 0.0, -rover.mass_kg * gravity_m_s2])
-    return float(force_angle(*_feet_and_centre(rover), weight, np.zeros(3)))
+    feet = np.array(rover.wheel.positions_m)[list(_outline(rover))] - [0.0, 0.0, rover.wheel.radius_m]
+    return float(force_angle(feet, np.array(rover.centre_of_mass_b), weight, np.zeros(3)))

@@ -22,23 +22,23 @@ class BodyContact:
 
 @dataclass(frozen=True, eq=False)
 class VehicleState:
-    """Truth of one instant; wheels in the order left front, left rear, right front, right rear."""
+    """Truth of one instant; the left wheels from front to rear, then the right ones."""
 
     time_s: float
     pose: Pose  # of the body origin, in the middle of the axles
     linear_velocity_w: FloatArray  # (3,) of the body origin
     angular_velocity_w: FloatArray  # (3,)
-    hubs_w: FloatArray  # (4, 3)
-    wheel_speed_rad_s: FloatArray  # (4,) relative to the chassis
-    slip: FloatArray  # (4,) driving 1 - v / (omega r), braking (omega r - v) / v < 0
-    slip_angle_rad: FloatArray  # (4,) positive where the wheel moves to its left
-    sinkage_m: FloatArray  # (4,) plastic
-    normal_force_N: FloatArray  # (4,) of soil and rocks
-    drawbar_N: FloatArray  # (4,) net pull of the soil along the wheel
-    wheel_torque_Nm: FloatArray  # (4,) of the motors
-    wheel_power_W: FloatArray  # (4,) of the motors at the axle; negative where the ground drives the wheel
-    pit_depth_m: FloatArray  # (4,) what the wheel must climb to get out, ahead or behind; below 0: nothing
-    wedged: BoolArray  # (4,) obstacles press on the wheel from opposite sides
+    hubs_w: FloatArray  # (n, 3)
+    wheel_speed_rad_s: FloatArray  # (n,) relative to the chassis
+    slip: FloatArray  # (n,) driving 1 - v / (omega r), braking (omega r - v) / v < 0
+    slip_angle_rad: FloatArray  # (n,) positive where the wheel moves to its left
+    sinkage_m: FloatArray  # (n,) plastic
+    normal_force_N: FloatArray  # (n,) of soil and rocks
+    drawbar_N: FloatArray  # (n,) net pull of the soil along the wheel
+    wheel_torque_Nm: FloatArray  # (n,) of the motors
+    wheel_power_W: FloatArray  # (n,) of the motors at the axle; negative where the ground drives the wheel
+    pit_depth_m: FloatArray  # (n,) what the wheel must climb to get out, ahead or behind; below 0: nothing
+    wedged: BoolArray  # (n,) obstacles press on the wheel from opposite sides
     power_W: float  # positive motor work and electronics
     energy_J: float  # the same since the start
     tilt_rad: float  # between body z and the vertical

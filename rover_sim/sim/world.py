@@ -12,7 +12,7 @@ import numpy as np
 
 from rover_sim.sim.bullet import pybullet
 from rover_sim.sim.rover import RoverModel
-from rover_sim.sim.rover_urdf import WHEEL_NAMES, urdf
+from rover_sim.sim.rover_urdf import urdf, wheel_names
 from worlds.types import FloatArray, IntArray, Pose, TriangleMesh, Vector3, World
 
 TIME_STEP_S = 1.0 / 240.0
@@ -23,6 +23,8 @@ _MOST_INDICES = 524_288
 _ROCK_FRICTION = 0.7  # PyBullet multiplies the coefficients of both bodies
 _WHEEL_FRICTION = 1.0
 _CHASSIS_FRICTION = 0.6
+_DIFFERENTIAL_STRENGTH = 1000.0  # m/s2: torque per mass of the rover and wheelbase, more than any landing asks
+_DIFFERENTIAL_ERP = 0.2  # share of its error that the differential corrects in a step
 
 
 @dataclass(frozen=True)
@@ -31,6 +33,12 @@ class RoverBody:
 
     body: int
     wheels: tuple[int, ...]  # links, in the order of the rover file
+    arms: tuple[int, ...] = ()
+
+    @property
+    def joints(self) -> tuple[int, ...]:
+        """Of the wheels, then of the arms."""
+        return self.wheels + self.arms
 
 
 def connect(gravity_m_s2: float, time_step_s: float = TIME_STEP_S) -> int:
@@ -67,18 +75,46 @@ def add_rover(client: int, rover: RoverModel, pose: Pose) -> RoverBody:
         pybullet.getJointInfo(body, number, physicsClientId=client)[12].decode(): number
         for number in range(pybullet.getNumJoints(body, physicsClientId=client))
     }
-    wheels = tuple(joints[name] for name in WHEEL_NAMES)
-    _set_dynamics(client, RoverBody(body, wheels), rover)
-    return RoverBody(body, wheels)
+    wheels = tuple(joints[name] for name in wheel_names(rover))
+    arms = tuple(joints[arm.name] for arm in rover.suspension.arm)
+    loaded = RoverBody(body, wheels, arms)
+    _set_dynamics(client, loaded, rover)
+    _free_arms(client, loaded, rover)
+    return loaded
+
+
+def _free_arms(client: int, body: RoverBody, rover: RoverModel) -> None:
+    """Let the arms swing, joined by the differential: the angles of both sides sum to zero."""
+    for arm in body.arms:
+        pybullet.setJointMotorControl2(
+            body.body, arm, pybullet.VELOCITY_CONTROL, targetVelocity=0.0, force=0.0, physicsClientId=client
+        )
+    if rover.suspension.differential is None:
+        return
+    numbers = rover.suspension.arm_numbers()
+    left, right = (body.arms[numbers[name]] for name in rover.suspension.differential)
+    gear = pybullet.createConstraint(
+        body.body,
+        left,
+        body.body,
+        right,
+        jointType=pybullet.JOINT_GEAR,
+        jointAxis=[0, 1, 0],
+        parentFramePosition=[0, 0, 0],
+        childFramePosition=[0, 0, 0],
+        physicsClientId=client,
+    )
+    most_Nm = rover.mass_kg * _DIFFERENTIAL_STRENGTH * rover.wheelbase_m
+    pybullet.changeConstraint(gear, gearRatio=1, maxForce=most_Nm, erp=_DIFFERENTIAL_ERP, physicsClientId=client)
 
 
 def _set_dynamics(client: int, body: RoverBody, rover: RoverModel) -> None:
     """No artificial damping; friction against rock only, as the ground is the soil model's."""
-    for link, friction in [(CHASSIS, _CHASSIS_FRICTION), *((wheel, _WHEEL_FRICTION) for wheel in body.wheels)]:
+    for link in (CHASSIS, *body.joints):
         pybullet.changeDynamics(
             body.body,
             link,
-            lateralFriction=friction,
+            lateralFriction=_WHEEL_FRICTION if link in body.wheels else _CHASSIS_FRICTION,
             spinningFriction=0.0,
             rollingFriction=0.0,
             restitution=0.0,
