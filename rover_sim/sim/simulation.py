@@ -47,6 +47,7 @@ class Simulation:
         self._around = Surroundings(self._contacts.obstacles, rover)
         self._sensors = Sensors(world.scenario.sensors.gnss, gravity, rover, rng)
         self._wheel_targets = [0.0] * len(self._body.wheels)
+        self._chassis_and_wheels = self._ground.raw[: 13 + len(self._body.wheels)]  # a view
         self._recent_motion: deque[truth.Motion] = deque(maxlen=_ACCELERATION_STEPS)
         self._pushed: Vector3 = _NO_PUSH
         self._seen: VehicleState | None = None
@@ -168,12 +169,14 @@ class Simulation:
         position, quaternion = pybullet.getBasePositionAndOrientation(body, physicsClientId=client)
         velocity, rate = pybullet.getBaseVelocity(body, physicsClientId=client)
         joints = pybullet.getJointStates(body, self._body.joints, physicsClientId=client)
-        wheels, arms = joints[: self._ground.soil.count], joints[self._ground.soil.count :]
-        self._wheel_angles = [joint[0] for joint in wheels]
-        self._wheel_speeds = [joint[1] for joint in wheels]
-        self._torques = [joint[3] for joint in wheels]
-        swing = [joint[column] for column in (0, 1) for joint in arms]
-        raw[:] = (*position, *quaternion, *velocity, *rate, *self._wheel_speeds, *swing)
+        if self._body.arms:
+            arms = joints[self._ground.soil.count :]
+            joints = joints[: self._ground.soil.count]
+            raw[13 + len(joints) :] = [joint[0] for joint in arms] + [joint[1] for joint in arms]
+        self._wheel_angles = [joint[0] for joint in joints]
+        self._wheel_speeds = [joint[1] for joint in joints]
+        self._torques = [joint[3] for joint in joints]
+        self._chassis_and_wheels[:] = (*position, *quaternion, *velocity, *rate, *self._wheel_speeds)
         self._recent_motion.append((velocity, rate, self._pushed))
         self._pushed = _NO_PUSH
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from math import sqrt
 from pathlib import Path
 
@@ -35,7 +36,7 @@ class RoverBody:
     wheels: tuple[int, ...]  # links, in the order of the rover file
     arms: tuple[int, ...] = ()
 
-    @property
+    @cached_property
     def joints(self) -> tuple[int, ...]:
         """Of the wheels, then of the arms."""
         return self.wheels + self.arms
