@@ -15,6 +15,7 @@ MAX_CELLS = (
     26_000_000  # 500 x 500 m at 0.1 m; memory and start-up time: eight bytes a cell in every copy of the heights
 )
 MAX_PATCHES = 200  # of soil
+ROVER_SUFFIXES = (".toml", ".urdf")  # of a rover of the user's own; a shipped one is a bare name
 MAP_MARGIN_M = 1.0  # start and goal stay this far inside the map, so that a rover fits on it
 
 _SHIPPED = Path(__file__).parent / "scenarios"
@@ -226,18 +227,20 @@ def dump_scenario(scenario: Scenario) -> str:
 
 
 def resolve_paths(scenario: Scenario, base_dir: Path) -> Scenario:
-    """The scenario with the files that it names, elevation and soils, taken relative to ``base_dir``, absolute."""
+    """The scenario with the files that it names, elevation, soils and rover, taken relative to ``base_dir``, absolute."""
     replace = msgspec.structs.replace
 
     def soil_path(preset: str) -> str:
         return str((base_dir / preset).resolve()) if is_soil_file(preset) else preset
 
-    terrain, soil = scenario.terrain, scenario.soil
+    terrain, soil, rover = scenario.terrain, scenario.soil, scenario.rover
+    if rover.model.endswith(ROVER_SUFFIXES):
+        rover = replace(rover, model=str((base_dir / rover.model).resolve()))
     if terrain.path is not None:
         terrain = replace(terrain, path=str((base_dir / terrain.path).resolve()))
     patches = tuple(replace(patch, preset=soil_path(patch.preset)) for patch in soil.patch)
     soil = replace(soil, preset=soil_path(soil.preset), patch=patches)
-    return replace(scenario, terrain=terrain, soil=soil)
+    return replace(scenario, terrain=terrain, soil=soil, rover=rover)
 
 
 def check_scenario(scenario: Scenario, source: str) -> None:

@@ -55,11 +55,11 @@ _LIMITS: Limits = {
 }
 
 
-class _Table(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+class Table(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """A table of a rover file: a mistyped key is an error."""
 
 
-class Box(_Table, frozen=True, kw_only=True):
+class Box(Table, frozen=True, kw_only=True):
     """One box of the hull or of an arm, in body axes with every arm level."""
 
     size_m: Vector3
@@ -67,7 +67,7 @@ class Box(_Table, frozen=True, kw_only=True):
     pitch_deg: float = 0.0  # turned about y, nose down positive
 
 
-class Chassis(_Table, frozen=True, kw_only=True):
+class Chassis(Table, frozen=True, kw_only=True):
     """The rover without its wheels."""
 
     mass_kg: float
@@ -77,7 +77,7 @@ class Chassis(_Table, frozen=True, kw_only=True):
     box: tuple[Box, ...]
 
 
-class Wheel(_Table, frozen=True, kw_only=True):
+class Wheel(Table, frozen=True, kw_only=True):
     """Equal wheels on axles along y; the left ones from front to rear, then the right ones."""
 
     positions_m: tuple[Vector3, ...]  # with every arm level
@@ -88,7 +88,7 @@ class Wheel(_Table, frozen=True, kw_only=True):
     stiffness_N_m: float  # of tyre and ground in series, beside the plastic sinkage
 
 
-class Arm(_Table, frozen=True, kw_only=True):
+class Arm(Table, frozen=True, kw_only=True):
     """A passive arm that swings about y between rover and wheels: a rocker or a bogie."""
 
     name: str
@@ -101,7 +101,7 @@ class Arm(_Table, frozen=True, kw_only=True):
     box: tuple[Box, ...] = ()  # what rocks may touch
 
 
-class Suspension(_Table, frozen=True, kw_only=True):
+class Suspension(Table, frozen=True, kw_only=True):
     """Passive arms; empty for wheels that sit on the chassis."""
 
     wheel_arms: tuple[str, ...] = ()  # what each wheel sits on
@@ -113,7 +113,7 @@ class Suspension(_Table, frozen=True, kw_only=True):
         return {CHASSIS: -1, **{arm.name: number for number, arm in enumerate(self.arm)}}
 
 
-class Motor(_Table, frozen=True, kw_only=True):
+class Motor(Table, frozen=True, kw_only=True):
     """One geared motor a wheel."""
 
     max_torque_Nm: float
@@ -123,21 +123,21 @@ class Motor(_Table, frozen=True, kw_only=True):
     idle_power_W: float = 0.0  # electronics, whole rover
 
 
-class Mast(_Table, frozen=True, kw_only=True):
+class Mast(Table, frozen=True, kw_only=True):
     """Where the camera stands."""
 
     forward_m: float
     height_m: float  # of the lens above level ground, where the scenario gives none
 
 
-class Drive(_Table, frozen=True, kw_only=True):
+class Drive(Table, frozen=True, kw_only=True):
     """What the planner is told beside the geometry."""
 
     max_yaw_rate_rad_s: float
     effective_track_ratio: float
 
 
-class RoverModel(_Table, frozen=True, kw_only=True):
+class RoverModel(Table, frozen=True, kw_only=True):
     """One rover; body origin in the middle of the axles at their height, x forward, y left, z up."""
 
     name: str
@@ -224,7 +224,7 @@ def rover_names() -> list[str]:
 
 
 def load_rover(name_or_path: str | Path) -> RoverModel:
-    """A shipped rover by name, or one's own by the path of its TOML file.
+    """A shipped rover by name, or one's own by the path of its TOML or URDF file.
 
     Raises `ScenarioError` for an unknown name, an unknown key or a value that no rover can have.
     """
@@ -233,8 +233,18 @@ def load_rover(name_or_path: str | Path) -> RoverModel:
         path = Path(name_or_path)
     if not path.is_file():
         known = ", ".join(rover_names())
-        raise ScenarioError(f"rover.model = {str(name_or_path)!r}: no such rover; allowed: {known}, or a TOML file")
-    model = convert_table(read_table(path), RoverModel, str(path))
+        raise ScenarioError(
+            f"rover.model = {str(name_or_path)!r}: no such rover; allowed: {known}, or a TOML or URDF file"
+        )
+    model = _read_rover(path)
     check_limits(model, _LIMITS, str(path))
     check_rover(model, str(path))
     return model
+
+
+def _read_rover(path: Path) -> RoverModel:
+    if path.suffix == ".urdf":
+        from rover_sim.sim.rover_import import import_urdf
+
+        return import_urdf(path)
+    return convert_table(read_table(path), RoverModel, str(path))
