@@ -130,15 +130,12 @@ def test_a_mesh_counts_by_its_bounds(tmp_path: Path) -> None:
     folder = tmp_path / "own_description"
     (folder / "meshes").mkdir(parents=True)
     trimesh.creation.box((600.0, 300.0, 100.0)).export(folder / "meshes" / "hull.stl")
+    hull = '<box size="0.6 0.3 0.1"/>'
     mesh = '<mesh filename="package://own_description/meshes/hull.stl" scale="0.001 0.001 0.001"/>'
-    model = load_rover(write(folder, hand_made().replace('<box size="0.6 0.3 0.1"/>', mesh), hand_notes()))
+    model = load_rover(write(folder, hand_made().replace(hull, mesh), hand_notes()))
     assert model.chassis.box[0].size_m == pytest.approx((0.6, 0.3, 0.1))
     with pytest.raises(ScenarioError, match=r"collision mesh .*absent\.stl.*cannot be read"):
-        load_rover(
-            write(
-                folder, hand_made().replace('<box size="0.6 0.3 0.1"/>', mesh.replace("hull", "absent")), hand_notes()
-            )
-        )
+        load_rover(write(folder, hand_made().replace(hull, mesh.replace("hull", "absent")), hand_notes()))
 
 
 ROBOT_FAULTS = [
@@ -158,7 +155,7 @@ ROBOT_FAULTS = [
     (
         '<cylinder radius="0.12" length="0.08"/>',
         '<sphere radius="0.12"/>',
-        r"wheel\.radius_m and wheel\.width_m: needed",
+        r"wheel\.radius_m and wheel\.width_m: need",
     ),
 ]
 

@@ -227,7 +227,7 @@ def dump_scenario(scenario: Scenario) -> str:
 
 
 def resolve_paths(scenario: Scenario, base_dir: Path) -> Scenario:
-    """The scenario with the files that it names, elevation, soils and rover, taken relative to ``base_dir``, absolute."""
+    """The scenario with the files that it names (elevation, soils, rover) relative to ``base_dir``, made absolute."""
     replace = msgspec.structs.replace
 
     def soil_path(preset: str) -> str:

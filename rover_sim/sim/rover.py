@@ -28,7 +28,6 @@ _LIMITS: Limits = {
     "chassis.clearance_m": (0.0, 5.0),
     "chassis.box.size_m": _LENGTH,
     "chassis.box.centre_m": _OFFSET,
-    "chassis.box.pitch_deg": (-90.0, 90.0),
     "wheel.positions_m": _OFFSET,
     "wheel.radius_m": (0.01, 5.0),
     "wheel.width_m": (0.005, 5.0),
@@ -60,19 +59,29 @@ class Table(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tru
 
 
 class Box(Table, frozen=True, kw_only=True):
-    """One box of the hull or of an arm, in body axes with every arm level."""
+    """One box of the hull, in body axes."""
 
     size_m: Vector3
     centre_m: Vector3
+
+
+class ArmBox(Box, frozen=True, kw_only=True):
+    """One box of an arm, in body axes with every arm level."""
+
     pitch_deg: float = 0.0  # turned about y, nose down positive
 
 
-class Chassis(Table, frozen=True, kw_only=True):
-    """The rover without its wheels."""
+class Body(Table, frozen=True, kw_only=True):
+    """A rigid part with mass, in body axes with every arm level."""
 
     mass_kg: float
     inertia_kg_m2: Vector3  # Ixx, Iyy, Izz about the centre of mass
     centre_of_mass_m: Vector3
+
+
+class Chassis(Body, frozen=True, kw_only=True):
+    """The rover without arms and wheels."""
+
     clearance_m: float  # belly above level ground
     box: tuple[Box, ...]
 
@@ -88,17 +97,14 @@ class Wheel(Table, frozen=True, kw_only=True):
     stiffness_N_m: float  # of tyre and ground in series, beside the plastic sinkage
 
 
-class Arm(Table, frozen=True, kw_only=True):
+class Arm(Body, frozen=True, kw_only=True):
     """A passive arm that swings about y between rover and wheels: a rocker or a bogie."""
 
     name: str
     parent: str = CHASSIS  # or the name of an arm further up in the list
     pivot_m: Vector3  # on its parent
-    mass_kg: float
-    inertia_kg_m2: Vector3
-    centre_of_mass_m: Vector3
     limits_deg: tuple[float, float]  # of its angle to its parent, nose down positive
-    box: tuple[Box, ...] = ()  # what rocks may touch
+    box: tuple[ArmBox, ...] = ()  # what rocks may touch
 
 
 class Suspension(Table, frozen=True, kw_only=True):

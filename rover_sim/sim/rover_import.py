@@ -6,11 +6,23 @@ from dataclasses import dataclass
 from math import degrees
 from pathlib import Path
 
-import msgspec
 import numpy as np
 import trimesh
 
-from rover_sim.sim.rover import CHASSIS, Arm, Box, Chassis, Drive, Mast, Motor, RoverModel, Suspension, Table, Wheel
+from rover_sim.sim.rover import (
+    CHASSIS,
+    Arm,
+    ArmBox,
+    Box,
+    Chassis,
+    Drive,
+    Mast,
+    Motor,
+    RoverModel,
+    Suspension,
+    Table,
+    Wheel,
+)
 from rover_sim.sim.urdf_reader import MOVABLE, Joint, Link, Robot, Shape, read_urdf
 from worlds.errors import ScenarioError
 from worlds.strict_toml import convert_table, read_table
@@ -112,11 +124,11 @@ class _Importer:
         )
 
     def _check_names(self) -> None:
-        """Every joint that is named exists and turns about y; every joint that moves is named."""
+        """Every joint that is named exists and turns about y."""
         suspension, joints = self._notes.suspension, self._robot.joints
-        roles = {"wheel": self._wheels, "suspension.passive": self._passive, "suspension.locked": suspension.locked}
         if len(self._notes.wheel.left) != len(self._notes.wheel.right) or not self._wheels:
             raise self._error("wheel.left and wheel.right must name as many joints each, and at least two")
+        roles = {"wheel": self._wheels, "suspension.passive": self._passive, "suspension.locked": suspension.locked}
         for role, names in roles.items():
             for name in names:
                 if name not in joints:
@@ -126,23 +138,25 @@ class _Importer:
         for name in suspension.differential or ():
             if name not in self._passive:
                 raise self._error(f"suspension.differential: {name!r} is not among suspension.passive")
-        named = [name for names in roles.values() for name in names]
+        self._check_all_named([name for names in roles.values() for name in names])
+
+    def _check_all_named(self, named: list[str]) -> None:
+        """Every joint that moves is named once."""
         if len(set(named)) != len(named):
-            raise self._error(
-                "a joint is named twice in wheel.left, wheel.right, suspension.passive, suspension.locked"
-            )
-        for joint in joints.values():
+            raise self._error("a joint is named twice in wheel.left, wheel.right, suspension.passive or .locked")
+        for joint in self._robot.joints.values():
             if joint.kind in MOVABLE and joint.name not in named:
                 raise self._error(
-                    f"joint {joint.name!r} of {self._path.name} is {joint.kind} and named nowhere: add it to wheel.left, "
-                    "wheel.right, suspension.passive or suspension.locked"
+                    f"joint {joint.name!r} of {self._path.name} is {joint.kind} and named nowhere: add it to "
+                    "wheel.left, wheel.right, suspension.passive or suspension.locked"
                 )
 
     def _check_axis(self, role: str, joint: Joint) -> None:
         if not joint.turns or abs(joint.axis[1]) < np.cos(_AXIS_TOLERANCE):
             axis = ", ".join(f"{value:.3g}" for value in joint.axis)
             raise self._error(
-                f"{role}: joint {joint.name!r} is {joint.kind} about ({axis}); it must turn about y (left), with x forward"
+                f"{role}: joint {joint.name!r} is {joint.kind} about ({axis}); it must turn about y (left), "
+                "with x forward"
             )
 
     def _chassis(self, radius_m: float) -> Chassis:
@@ -172,7 +186,7 @@ class _Importer:
             inertia_kg_m2=part.inertia,
             centre_of_mass_m=part.centre,
             limits_deg=(round(degrees(low), 9), round(degrees(high), 9)),
-            box=tuple(self._box(shape) for shape in part.shapes),
+            box=tuple(self._arm_box(shape) for shape in part.shapes),
         )
 
     def _wheel(self) -> Wheel:
@@ -234,15 +248,19 @@ class _Importer:
         return self._robot.links[joint.child].place
 
     def _box(self, shape: Shape) -> Box:
-        """The box round a collision shape, in body axes; turned about y only."""
+        """The level box round a collision shape, in body axes."""
         low, high = self._bounds(shape)
         rotation = shape.place[:3, :3]
         centre = shape.place[:3, 3] + rotation @ ((low + high) / 2.0) - self._origin
-        if abs(rotation[1, 1]) > np.cos(_AXIS_TOLERANCE):
-            pitch = degrees(np.arctan2(rotation[0, 2], rotation[0, 0]))
-            if abs(pitch) <= 90.0:
-                return Box(size_m=_vector(high - low), centre_m=_vector(centre), pitch_deg=round(pitch, 9))
         return Box(size_m=_vector(np.abs(rotation) @ (high - low)), centre_m=_vector(centre))
+
+    def _arm_box(self, shape: Shape) -> ArmBox:
+        """The box round a collision shape, turned with it where it is turned about y only."""
+        level, (low, high), rotation = self._box(shape), self._bounds(shape), shape.place[:3, :3]
+        pitch = degrees(np.arctan2(rotation[0, 2], rotation[0, 0]))
+        if rotation[1, 1] < np.cos(_AXIS_TOLERANCE) or abs(pitch) > 90.0:
+            return ArmBox(size_m=level.size_m, centre_m=level.centre_m)
+        return ArmBox(size_m=_vector(high - low), centre_m=level.centre_m, pitch_deg=round(pitch, 9))
 
     def _bounds(self, shape: Shape) -> tuple[FloatArray, FloatArray]:
         """Lowest and highest corner (3,) of a shape in its own axes."""

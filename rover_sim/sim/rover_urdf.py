@@ -7,7 +7,7 @@ from xml.etree.ElementTree import Element, SubElement, indent, tostring
 
 import numpy as np
 
-from rover_sim.sim.rover import CHASSIS, Arm, Box, RoverModel
+from rover_sim.sim.rover import CHASSIS, Arm, ArmBox, Box, RoverModel
 from worlds.types import Vector3
 
 _QUARTER_TURN = "1.5707963267948966 0 0"  # a URDF cylinder lies along z, an axle along y
@@ -60,8 +60,8 @@ def _add_link(
     _add_inertial(link, mass_kg, inertia, _minus(centre, origin))
     for box in boxes:
         collision = SubElement(link, "collision")
-        pitch = f"0 {radians(box.pitch_deg)!r} 0"
-        SubElement(collision, "origin", xyz=_text(_minus(box.centre_m, origin)), rpy=pitch)
+        pitch = radians(box.pitch_deg) if isinstance(box, ArmBox) else 0.0
+        SubElement(collision, "origin", xyz=_text(_minus(box.centre_m, origin)), rpy=f"0 {pitch!r} 0")
         SubElement(SubElement(collision, "geometry"), "box", size=_text(box.size_m))
 
 

@@ -9,7 +9,7 @@ from math import acos, hypot
 import numpy as np
 
 from rover_sim.sim import soil_kernels as kernel
-from rover_sim.sim.rover import RoverModel
+from rover_sim.sim.rover import Body, RoverModel
 from rover_sim.sim.stability import force_angle
 from rover_sim.sim.support_polygon import outline
 from rover_sim.sim.surroundings import Grid, Surroundings
@@ -119,7 +119,8 @@ def _inertia(rover: RoverModel) -> FloatArray:
     across = wheel.mass_kg * (3.0 * wheel.radius_m**2 + wheel.width_m**2) / 12.0
     own = np.diag([across, 0.5 * wheel.mass_kg * wheel.radius_m**2, across])
     total = np.zeros((3, 3))
-    for part in (rover.chassis, *rover.suspension.arm):
+    parts: tuple[Body, ...] = (rover.chassis, *rover.suspension.arm)
+    for part in parts:
         offset = np.array(part.centre_of_mass_m) - centre
         total = total + np.diag(part.inertia_kg_m2) + _point_inertia(part.mass_kg, offset)
     for position in wheel.positions_m:
