@@ -1,0 +1,1 @@
+"""Slope and traction stress test: rigs that drive the simulated rover as a test bench would."""
