@@ -39,9 +39,7 @@ def main() -> int:
         for azimuth_deg in (0.0, 90.0):
             drift = parked_drift(soil, azimuth_deg)
             off += drift >= LIMIT_M
-            print(
-                f"{soil:11s} parked {PARKED_S:.0f} s at 15 deg toward {azimuth_deg:2.0f}: {1e3 * drift:.3f} mm, limit 10"
-            )
+            print(f"{soil:11s} parked {PARKED_S:.0f} s at 15 deg toward {azimuth_deg:2.0f}: {1e3 * drift:.3f} mm of 10")
         for slope_deg in band_slopes(soil):
             point = measure_slope(Setup(soil, 9.81, "husky", 0.0, 0.1), "up", slope_deg)
             off += point.inside is False

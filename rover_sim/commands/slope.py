@@ -137,9 +137,13 @@ def _campaign(args: argparse.Namespace) -> Campaign:
         load_kg=args.load,
         speed_m_s=args.speed,
     )
-    for soil in campaign.soils:
-        load_soil(soil)
-    fastest = campaign.setups()[0].model().footprint().max_speed_m_s
+    try:
+        for soil in campaign.soils:
+            load_soil(soil)
+        fastest = campaign.setups()[0].model().footprint().max_speed_m_s
+    except InputError as error:
+        # Said of the keys of a scenario; here they are options.
+        raise InputError(str(error).replace("soil.preset =", "--soil").replace("rover.model =", "--rover")) from error
     if args.speed > fastest:
         raise InputError(f"--speed {args.speed:g}: the {args.rover} reaches {fastest:.2f} m/s; give that or less")
     return campaign
@@ -148,7 +152,11 @@ def _campaign(args: argparse.Namespace) -> Campaign:
 @contextmanager
 def _terminable() -> Iterator[None]:
     """A termination signal ends the campaign as Ctrl-C does."""
-    before = signal.signal(signal.SIGTERM, lambda *_: signal.raise_signal(signal.SIGINT))
+
+    def interrupt(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    before = signal.signal(signal.SIGTERM, interrupt)
     try:
         yield
     finally:

@@ -73,8 +73,7 @@ def _draw_climb(axes: Axes, campaign: Campaign, rows: list[SlopePoint], colours:
     axes.set(
         xlabel="slope, deg (downhill negative)", ylabel="slip ratio", ylim=(-1.05, _SLIP_TOP), title="slip on slopes"
     )
-    axes.grid(alpha=0.3)
-    axes.legend(fontsize=7, loc="upper left")
+    _finish(axes, "upper left")
 
 
 def _draw_slip(axes: Axes, rows: list[SlopePoint], soil: str, colour: str) -> None:
@@ -143,8 +142,7 @@ def _draw_side(axes: Axes, campaign: Campaign, rows: list[SlopePoint], colours: 
                 if curve.soil == soil:
                     _draw_curve(axes, curve, colour, "--")
     axes.set(xlabel="slope, deg", ylabel="slip angle, deg downhill", ylim=(0, 92), title="driving across")
-    axes.grid(alpha=0.3)
-    axes.legend(fontsize=7, loc="upper left")
+    _finish(axes, "upper left")
 
 
 def _draw_pull(axes: Axes, rows: list[DrawbarPoint], colours: Colours) -> None:
@@ -158,8 +156,7 @@ def _draw_pull(axes: Axes, rows: list[DrawbarPoint], colours: Colours) -> None:
             axes.plot([row.slip for row in own], steady, color=colour, linewidth=0.8, linestyle="--", label=label)
     axes.axhline(0.0, color="0.4", linewidth=0.8)
     axes.set(xlabel="slip ratio", ylabel="drawbar pull / weight", title="drawbar test on level ground")
-    axes.grid(alpha=0.3)
-    axes.legend(fontsize=7, loc="lower right")
+    _finish(axes, "lower right")
 
 
 def _draw_turns(axes: Axes, rows: list[TurnPoint], colours: Colours) -> None:
@@ -174,11 +171,10 @@ def _draw_turns(axes: Axes, rows: list[TurnPoint], colours: Colours) -> None:
         axes.plot(*zip(*sorted(pioneer), strict=True), color="0.3", linestyle="--", linewidth=1.0, label=label)
         label = "hard ground: vendors' multipliers 1.5 to 1.875"
         axes.axhspan(1.4, 1.9, color="0.5", alpha=0.12, linewidth=0, label=label)
-    _, top = axes.get_ylim()
-    axes.set(ylim=(1.3, top + 0.3), xscale="log", title="turning on level ground")
+        axes.set(ylim=(1.3, axes.get_ylim()[1] + 0.3), xscale="log")
+    axes.set_title("turning on level ground")
     axes.set(xlabel="path radius, m (left edge: on the spot)", ylabel="effective track ratio")
-    axes.grid(alpha=0.3, which="both")
-    axes.legend(fontsize=7, loc="upper right")
+    _finish(axes, "upper right")
 
 
 def _draw_measured(axes: Axes, points: Sequence[tuple[float, float]], soil: str, colour: str) -> None:
@@ -186,6 +182,15 @@ def _draw_measured(axes: Axes, points: Sequence[tuple[float, float]], soil: str,
     if points:
         x, y = zip(*points, strict=True)
         axes.plot(x, y, color=colour, marker="o", markersize=4, linewidth=1.6, label=f"{soil}: measured")
+
+
+def _finish(axes: Axes, corner: str) -> None:
+    """Grid and legend, or a word where nothing was measured."""
+    axes.grid(alpha=0.3)
+    if axes.get_legend_handles_labels()[0]:
+        axes.legend(fontsize=7, loc=corner)
+    else:
+        axes.text(0.5, 0.5, "not measured", transform=axes.transAxes, ha="center")
 
 
 def _tilt_text(rows: list[TiltPoint]) -> str:
