@@ -13,7 +13,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from rover_sim.sim.wong_reece import climbing_slip, steady_wheel
 from rover_sim.slope.bands import STALL_SLIP
-from rover_sim.slope.rig import Setup, steady_stretch, travel_slip
+from rover_sim.slope.rig import Setup, slope_drive, travel_slip
 from tests.test_slope_reference import SLIP_TOLERANCE, reference_rover
 from tests.wong_reece_reference import MASS_KG, SINKAGE_SLIP, SLOPES_DEG, TABLE, WHEEL, Row, reference_soil
 
@@ -31,7 +31,7 @@ def driven_slips(row: Row) -> list[Slip]:
     """Slip of the simulated rover at every slope; None where it stalls."""
     setup = Setup(row.soil, row.gravity_m_s2, "reference", 0.0, 0.1)
     soil, rover = reference_soil(row.soil), reference_rover()
-    slips = [travel_slip(steady_stretch(rover, setup, "up", slope_deg, soil)) for slope_deg in SLOPES_DEG]
+    slips = [travel_slip(slope_drive(rover, setup, "up", slope_deg, soil)[1]) for slope_deg in SLOPES_DEG]
     return [None if slip > STALL_SLIP else slip for slip in slips]
 
 

@@ -52,7 +52,7 @@ def test_downhill_brakes_and_across_slides_downhill() -> None:
     assert down.drawbar_N == pytest.approx(-WEIGHT * sin(radians(10.0)), rel=5e-3)
     # Not calibrated: the published slip angle there is 6.5 deg.
     assert across.slip_angle_deg == pytest.approx(6.5, abs=2.5)
-    assert down.band is across.band is down.inside is across.inside is None
+    assert (down.band, across.band, down.inside, across.inside) == (None,) * 4
 
 
 def test_a_rover_that_cannot_even_stand_is_measured_on_the_plane() -> None:
@@ -60,6 +60,13 @@ def test_a_rover_that_cannot_even_stand_is_measured_on_the_plane() -> None:
     assert point.stalled
     assert point.slip > 1.0
     assert measure_slope(setup("firm"), "down", 40.0).slip < -0.8
+
+
+def test_digging_in_is_called_embedding() -> None:
+    assert measure_slope(setup("mars_sand", speed=0.1), "up", 20.0).embedded
+    assert not measure_slope(setup("mars_sand", speed=0.1), "up", 5.0).embedded
+    # It stalls without sinking on.
+    assert not measure_slope(setup("firm", speed=0.1), "up", 25.0).embedded
 
 
 def test_slip_hardly_depends_on_the_time_step() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -29,6 +30,7 @@ from rover_sim.slope.tilt_table import TiltPoint
 from rover_sim.slope.turning import TurnPoint
 
 Colours = Mapping[str, str]
+Corner = Literal["upper left", "upper right", "lower right"]
 _PALETTE = ("tab:orange", "tab:blue", "tab:red", "tab:green", "tab:purple", "tab:brown", "tab:pink", "tab:cyan")
 _STYLES = ("--", "-.", ":")
 _SLIP_TOP = 1.05
@@ -184,7 +186,7 @@ def _draw_measured(axes: Axes, points: Sequence[tuple[float, float]], soil: str,
         axes.plot(x, y, color=colour, marker="o", markersize=4, linewidth=1.6, label=f"{soil}: measured")
 
 
-def _finish(axes: Axes, corner: str) -> None:
+def _finish(axes: Axes, corner: Corner) -> None:
     """Grid and legend, or a word where nothing was measured."""
     axes.grid(alpha=0.3)
     if axes.get_legend_handles_labels()[0]:

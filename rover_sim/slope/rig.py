@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from math import atan2, cos, degrees, hypot, inf, radians, sin, tan
 from typing import Literal, get_args
 
 import msgspec
 import numpy as np
 
+from rover_sim.sim.mobility_events import Kind, MobilityLog
 from rover_sim.sim.rover import RoverModel, load_rover
 from rover_sim.sim.simulation import Simulation
 from rover_sim.sim.vehicle_state import VehicleState
@@ -17,9 +19,10 @@ from rover_sim.sim.world import TIME_STEP_S
 from rover_sim.slope.bands import STALL_SLIP, is_inside, slip_band
 from worlds.geometry import quaternion_from_euler, rotation_from_quaternion
 from worlds.scenario import Scenario, SoilChoice
+from worlds.shapes import NO_ROCKS, SolidShapes
 from worlds.soil import Soil
 from worlds.soil_file import load_soil
-from worlds.types import FloatArray, HeightField, Pose, TriangleMesh, World
+from worlds.types import FloatArray, HeightField, Pose, World
 
 Direction = Literal["up", "down", "across"]
 DIRECTIONS: tuple[Direction, ...] = get_args(Direction)
@@ -32,9 +35,6 @@ _GIVE_UP = 5.0  # wheelbases of wheel travel after which a rover that does not g
 _MEASURED = 0.8  # wheelbases of wheel travel that are averaged
 _LEAST_FRICTION = 0.3
 _SLIDE_S = 5.0  # longer than a simulation waits for its rover to come to rest
-_SLIP_STOP = 0.40  # slip at which the Mars Exploration Rovers stopped
-_STILL_SINKING_M = 0.001  # over the measured travel
-_NO_MESH = TriangleMesh(np.zeros((0, 3)), np.zeros((0, 3), np.int32), np.zeros(0, np.int32))
 _AZIMUTH_DEG: dict[Direction, float] = {"up": 0.0, "down": 180.0, "across": 90.0}
 
 
@@ -99,7 +99,8 @@ def plane_world(soil: Soil, gravity_m_s2: float, slope_deg: float, azimuth_deg: 
     ground = HeightField(rise * tan(radians(slope_deg)), float(axis[1] - axis[0]), (-half, -half))
     scenario = Scenario(name="slope", gravity_m_s2=gravity_m_s2, soil=SoilChoice(preset=soil.name))
     start = Pose(np.zeros(3), quaternion_from_euler(0.0, 0.0, 0.0))
-    return World(scenario, 0, ground, (), (), _NO_MESH, _NO_MESH, soil, start, (half, 0.0, 0.0))
+    shapes = SolidShapes(NO_ROCKS, (), ground)
+    return World(scenario, 0, ground, NO_ROCKS, (), shapes, soil, start, (half, 0.0, 0.0))
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,27 +150,29 @@ def drive(simulation: Simulation, speeds_rad_s: Sequence[float], seconds: float,
 
 def measure_slope(setup: Setup, direction: Direction, slope_deg: float, time_step_s: float = TIME_STEP_S) -> SlopePoint:
     """Drive until the rover is steady, then measure it."""
-    stretch = steady_stretch(setup.model(), setup, direction, slope_deg, load_soil(setup.soil), time_step_s)
-    return _evaluate(setup, direction, slope_deg, stretch)
+    rover = setup.model()
+    run_in, stretch = slope_drive(rover, setup, direction, slope_deg, load_soil(setup.soil), time_step_s)
+    embedded = embeds(rover, setup.gravity_m_s2, (*run_in.states, *stretch.states[1:]))
+    return _evaluate(setup, direction, slope_deg, stretch, embedded=embedded)
 
 
-def steady_stretch(
+def slope_drive(
     rover: RoverModel,
     setup: Setup,
     direction: Direction,
     slope_deg: float,
     soil: Soil,
     time_step_s: float = TIME_STEP_S,
-) -> Stretch:
-    """The measured stretch of a drive on a plane; `measure_slope` for a rover and a soil that are not files."""
+) -> tuple[Stretch, Stretch]:
+    """Run-in and measured stretch of a drive on a plane; the rover and the soil need not be files."""
     azimuth_deg = _AZIMUTH_DEG[direction]
     half = (_RUN_IN + 2.0) * rover.wheelbase_m + _MARGIN_M + _slide_m(setup.gravity_m_s2, slope_deg)
     world = plane_world(soil, setup.gravity_m_s2, slope_deg, azimuth_deg, 2.0 * half)
     speeds = [setup.speed_m_s / rover.wheel_shape().shear_radius_m] * len(rover.wheel.positions_m)
     wheelbase_s = rover.wheelbase_m / setup.speed_m_s
     with Simulation(world, rover, np.random.default_rng(0), time_step_s=time_step_s) as simulation:
-        drive(simulation, speeds, _GIVE_UP * wheelbase_s, _RUN_IN * rover.wheelbase_m)
-        return drive(simulation, speeds, _MEASURED * wheelbase_s, rover.wheelbase_m)
+        run_in = drive(simulation, speeds, _GIVE_UP * wheelbase_s, _RUN_IN * rover.wheelbase_m)
+        return run_in, drive(simulation, speeds, _MEASURED * wheelbase_s, rover.wheelbase_m)
 
 
 def _slide_m(gravity_m_s2: float, slope_deg: float) -> float:
@@ -193,12 +196,18 @@ def travel_slip(stretch: Stretch) -> float:
     return (wheel_way - way) / max(wheel_way, way, 1e-9)
 
 
-def _evaluate(setup: Setup, direction: Direction, slope_deg: float, stretch: Stretch) -> SlopePoint:
+def embeds(rover: RoverModel, gravity_m_s2: float, states: Sequence[VehicleState]) -> bool:
+    """Whether a wheel slipped past the stop limit and still sank, as the mobility events of a traverse define it."""
+    log = MobilityLog(rover, gravity_m_s2)
+    for before, state in pairwise(states):
+        log.look(state, state.time_s - before.time_s)
+    return any(event.kind is Kind.EMBEDDING for event in log.events)
+
+
+def _evaluate(setup: Setup, direction: Direction, slope_deg: float, stretch: Stretch, *, embedded: bool) -> SlopePoint:
     slip = travel_slip(stretch)
     ahead, left = made_good(stretch)
-    sinkage = [float(state.sinkage_m.mean()) for state in stretch.states]
     stalled = slip > STALL_SLIP
-    embedded = slip >= _SLIP_STOP and sinkage[-1] - sinkage[0] > _STILL_SINKING_M
     band = slip_band(setup.soil, setup.gravity_m_s2, direction, slope_deg)
     return SlopePoint(
         soil=setup.soil,
@@ -208,7 +217,7 @@ def _evaluate(setup: Setup, direction: Direction, slope_deg: float, stretch: Str
         slope_deg=slope_deg,
         slip=round(slip, 5),
         slip_angle_deg=round(degrees(atan2(-left, abs(ahead))), 3) if hypot(ahead, left) > 1e-3 else 0.0,
-        sinkage_m=round(float(np.mean(sinkage)), 6),
+        sinkage_m=round(float(stretch.mean("sinkage_m").mean()), 6),
         drawbar_N=round(float(stretch.mean("drawbar_N").sum()), 3),
         power_W=round(stretch.power_W, 3),
         stalled=stalled,
