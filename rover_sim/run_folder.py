@@ -41,7 +41,7 @@ def write(folder: Path, traverse: Traverse, sights: Sights, summary: dict[str, A
     traverse.save_mission(folder / "mission.waypoints", folder / "mission.plan")
     sights.save(folder / "camera.png")
     title = f"{summary['scenario']}, seed {summary['seed']}: {summary['reason']} after {summary['distance_m']:.1f} m"
-    data = MapData(traverse.recorder.arrays(), traverse.onboard.ways_w, _perceived(traverse), title)
+    data = MapData(traverse.recorder.arrays(), traverse.onboard.ways_w, _perceived(traverse), traverse.events, title)
     save_run_map(folder / "map.png", traverse.world, data)
 
 

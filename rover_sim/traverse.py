@@ -23,6 +23,7 @@ from rover_sim.sim.mobility_events import MobilityEvent, MobilityLog, active_kin
 from rover_sim.sim.recorder import TraceRecorder
 from rover_sim.sim.renderer import add_noise, make_renderer
 from rover_sim.sim.rover import RoverModel
+from rover_sim.sim.rover_urdf import wheel_names
 from rover_sim.sim.simulation import Simulation
 from rover_sim.sim.vehicle_state import VehicleState, trace_columns
 from rover_sim.summary import Identity, summarize
@@ -66,7 +67,7 @@ class Traverse:
         self._sensor_model = SensorModel(gravity_m_s2=scenario.gravity_m_s2)
         self._camera_rng = np.random.default_rng([world.seed, CAMERA_STREAM])
         self.recorder, self._judge, self._classes = TraceRecorder(), Judge(), ClassScore()
-        self._mobility = MobilityLog(rover, scenario.gravity_m_s2)
+        self._mobility, self._wheel_names = MobilityLog(rover, scenario.gravity_m_s2), wheel_names(rover)
         home = (*scenario.rover.start_m, float(world.start.position_w[2]))
         self._autopilot = Autopilot(self._footprint, home)
         self._stack = MavlinkStack(world.origin, self._autopilot, options.connect, tlog)
@@ -181,7 +182,8 @@ class Traverse:
     def _observe(self) -> tuple[Reason, str] | None:
         """Record the true state and judge it."""
         state, step_s = self._simulation.state, TRACE_STEPS / STEPS_PER_S
-        self._mobility.look(state, step_s)
+        begun = self._mobility.look(state, step_s)
+        self._stack.narrator.tell(state, begun, self._wheel_names)
         self._record(state)
         contacts = self._simulation.take_contacts()
         reason = self._judge.look(state, contacts, step_s, digging=self._mobility.digging(state))

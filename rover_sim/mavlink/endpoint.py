@@ -6,10 +6,12 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from rover_sim.mavlink.dialect import Message, Packer, Parser
+from rover_sim.mavlink.dialect import Message, Packer, Parser, mavlink
 from rover_sim.mavlink.streams import Streams
 from rover_sim.mavlink.tlog import TlogWriter
 from rover_sim.mavlink.transport import Transport
+
+SIMULATOR = int(mavlink.MAV_COMP_ID_USER1)  # the component as which the simulator itself speaks
 
 
 @dataclass(frozen=True)
@@ -18,6 +20,7 @@ class Link:
 
     transport: Transport
     rates_hz: Mapping[int, float]
+    hears_simulator: bool = False  # also what no vehicle could know; never a planner's link
 
 
 @dataclass(eq=False)
@@ -33,6 +36,7 @@ class Channel:
     packer: Packer
     parser: Parser
     streams: Streams
+    simulator: Packer
 
 
 class Client(NamedTuple):
@@ -98,6 +102,12 @@ class Endpoint:
         for channel in self.channels:
             self._send(channel, message)
 
+    def tell_as_simulator(self, message: Message) -> None:
+        """Say something as the simulator, a component of its own, to those who are to hear it."""
+        for channel in self.channels:
+            if channel.link.hears_simulator:
+                channel.link.transport.send(channel.simulator.pack(message), channel.peer, self.time_s)
+
     def close(self) -> None:
         """Close all links and the log."""
         for link in self._links:
@@ -107,7 +117,7 @@ class Endpoint:
 
     def _channel(self, link: Link, peer: str) -> Channel:
         packer = Packer(self.system, self.component)
-        return Channel(link, peer, packer, Parser(), Streams(link.rates_hz))
+        return Channel(link, peer, packer, Parser(), Streams(link.rates_hz), Packer(self.system, SIMULATOR))
 
     def _refresh(self, number: int, link: Link, time_s: float) -> None:
         """Peers come and go."""

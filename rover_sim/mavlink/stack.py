@@ -11,6 +11,7 @@ from rover_sim.mavlink.companion import Companion
 from rover_sim.mavlink.endpoint import Link
 from rover_sim.mavlink.geodesy import LocalFrame
 from rover_sim.mavlink.memory import memory_link
+from rover_sim.mavlink.narrator import Narrator
 from rover_sim.mavlink.streams import COMPANION_RATES, GROUND_STATION_RATES
 from rover_sim.mavlink.tlog import SIMULATED_EPOCH_S, TlogWriter
 from rover_sim.mavlink.transport import open_link
@@ -40,10 +41,12 @@ class MavlinkStack:
             for url in connect:
                 transport = open_link(url)
                 undo.callback(transport.close)
-                links.append(Link(transport, GROUND_STATION_RATES))
-            log = None if tlog is None else Link(TlogWriter(tlog, epoch_s), GROUND_STATION_RATES)
+                links.append(Link(transport, GROUND_STATION_RATES, hears_simulator=True))
+            writer = None if tlog is None else TlogWriter(tlog, epoch_s)
+            log = None if writer is None else Link(writer, GROUND_STATION_RATES, hears_simulator=True)
             undo.pop_all()  # all are open: from here on `close` is responsible
         self.vehicle = Vehicle(autopilot, self.frame, links, log)
+        self.narrator = Narrator(self.vehicle.endpoint)
         self.companion = Companion(Link(outer, {}))
 
     def tick(self, time_s: float, estimate: PoseEstimate | None, readings: SensorReadings | None) -> None:

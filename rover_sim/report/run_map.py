@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -18,10 +18,21 @@ from numpy.typing import NDArray
 
 from rover_sim.files import atomic_path
 from rover_sim.report.ground_map import draw_ground
+from rover_sim.sim.mobility_events import Kind, MobilityEvent
 from worlds.types import FloatArray, World
 
 SLIP_SCALE = 0.6  # slip ratio at the upper end of the colour bar
 MARGIN_M = 3.0
+EVENT_SPACING_M = 0.5  # events of one kind closer than this share a marker
+# Marker, colour and size of each kind of mobility event; the gravest last, on top.
+EVENT_MARKS: Mapping[Kind, tuple[str, str, float]] = {
+    Kind.SUPPORT_LOSS: (".", "white", 22.0),
+    Kind.TRACTION_LOSS: ("v", "gold", 30.0),
+    Kind.WHEEL_TRAP: ("s", "tab:green", 30.0),
+    Kind.HIGH_CENTRED: ("D", "tab:cyan", 30.0),
+    Kind.EMBEDDING: ("P", "tab:orange", 42.0),
+    Kind.TIP_OVER: ("X", "red", 48.0),
+}
 SURE_M = 0.3  # rocks whose place is less certain are drawn pale
 PERCEIVED = "rock perceived (pale: place uncertain)"
 MAP_WIDTH_IN, MAP_HEIGHT_IN = 8.4, 9.0  # at most
@@ -34,6 +45,7 @@ class MapData:
     trace: dict[str, NDArray[np.float64]]
     plans: Sequence[FloatArray]  # each (N, 2), in the order they were sent
     perceived: FloatArray  # (M, 4): x, y, diameter and one sigma of the place of the remembered rocks
+    events: Sequence[MobilityEvent]
     title: str
 
 
@@ -90,6 +102,34 @@ def _draw_belief(axes: Axes, data: MapData) -> None:
     axes.legend(handles=[*known, *handles], loc="upper left", fontsize=7, facecolor="0.35", labelcolor="white")
 
 
+def _draw_events(axes: Axes, events: Sequence[MobilityEvent]) -> None:
+    """One marker a kind and place, the gravest on top; the legend counts all of them."""
+    for order, (kind, (marker, colour, size)) in enumerate(EVENT_MARKS.items()):
+        places = [event.position_m[:2] for event in events if event.kind is kind]
+        if places:
+            spread = np.array(_apart(places))
+            label = f"{kind.value.replace('_', ' ')} ({len(places)})"
+            axes.scatter(
+                *spread.T,
+                s=size,
+                marker=marker,
+                c=colour,
+                edgecolors="black",
+                linewidths=0.5,
+                zorder=7 + order,
+                label=label,
+            )
+
+
+def _apart(places: Sequence[tuple[float, ...]]) -> list[tuple[float, ...]]:
+    """Those of some places that keep a distance from the ones before."""
+    kept: list[tuple[float, ...]] = []
+    for place in places:
+        if all(np.hypot(place[0] - other[0], place[1] - other[1]) > EVENT_SPACING_M for other in kept):
+            kept.append(place)
+    return kept
+
+
 def _draw_profile(axes: Axes, data: MapData) -> None:
     """Slip and tilt along the way."""
     position, quaternion = data.trace["position_w"], data.trace["quaternion_w"]
@@ -110,6 +150,7 @@ def run_figure(world: World, data: MapData) -> Figure:
     figure = Figure(figsize=(max(6.5, width + 1.6), width * shape + 2.7), layout="constrained")
     map_axes, profile_axes = figure.subplots(2, 1, height_ratios=(width * shape, 1.6))
     draw_ground(map_axes, world)
+    _draw_events(map_axes, data.events)
     _draw_belief(map_axes, data)
     bar = figure.colorbar(_draw_driven(map_axes, data), ax=map_axes, shrink=0.8, pad=0.01)
     bar.set_label("mean slip ratio")

@@ -2,8 +2,9 @@
 
 Each condition has a level at which it begins and a laxer one at which it ends, and must hold for some time or wheel
 travel, so that one event is reported once. The slip stop of 40 % within one wheel revolution is that of the Mars
-Exploration Rovers, the tip-over margin that of Papadopoulos and Rey (2000); no public definition of trap, support loss,
-high-centring and embedding was found: those are ours.
+Exploration Rovers; no public definition of trap, support loss, high-centring and embedding was found: those are ours.
+The alarm of tip-over takes from the force-angle measure (Papadopoulos and Rey 2000) the angles between weight and axes
+and carries them ahead: the measure itself is as low whenever the rover is light, as behind the top of a bump.
 """
 
 from __future__ import annotations
@@ -61,11 +62,11 @@ class MobilityLimits:
     resting_s: float = 0.1  # a brush of the belly is shorter
     pit_radii: float = 0.3  # depth of a pit, in wheel radii
     pit_over_radii: float = 0.2
-    vain_radii: float = 1.0  # wheel travel lost in the pit; rolling through at 20 % slip loses less
+    vain_radii: float = 1.5  # wheel travel lost in the pit; rolling through the widest at 25 % slip loses 1.3
     growth_m: float = 0.003  # of the sinkage since slip went over the limit; load shifts make less of it
-    margin: float = 0.15  # force-angle measure; about 0 from when wheels leave the ground until it is too late
-    margin_over: float = 0.30
-    tipping_s: float = 0.05  # two looks: one alone is a jolt
+    tip_angle_rad: float = 0.10  # left to any tip-over axis ...
+    tip_angle_over_rad: float = 0.20
+    foresight_s: float = 0.6  # ... after so long at the present rate; see benchmarks/tip_alarm.py
     ended_s: float = 0.5  # the laxer level must be kept for this long
 
 
@@ -155,10 +156,8 @@ def read_signs(
     off[EMBEDDING, wheels] = gripping
     on[HIGH_CENTRED, -1] = state.belly_clearance_m <= limits.clearance_m
     off[HIGH_CENTRED, -1] = state.belly_clearance_m > limits.clearance_over_m
-    on[TIP_OVER, -1], off[TIP_OVER, -1] = (
-        state.stability_margin < limits.margin,
-        state.stability_margin > limits.margin_over,
-    )
+    left = float((state.tip_angle_rad - limits.foresight_s * state.tip_rate_rad_s).min())
+    on[TIP_OVER, -1], off[TIP_OVER, -1] = left < limits.tip_angle_rad, left > limits.tip_angle_over_rad
 
     progress[[TRACTION_LOSS, EMBEDDING], wheels] = speed * step_s
     progress[WHEEL_TRAP, wheels] = np.where(np.abs(rim) > np.abs(hub), lost, 0.0) * step_s
@@ -190,7 +189,7 @@ def _needed(standards: Standards, limits: MobilityLimits) -> FloatArray:
     needed[WHEEL_TRAP] = limits.vain_radii * standards.radius_m
     needed[SUPPORT_LOSS] = limits.unloaded_s
     needed[HIGH_CENTRED] = limits.resting_s
-    needed[TIP_OVER] = limits.tipping_s
+    needed[TIP_OVER] = 0.0
     return needed
 
 

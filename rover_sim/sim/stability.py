@@ -9,37 +9,49 @@ from numba import njit
 from worlds.types import FloatArray, Vector3
 
 
+@njit(cache=True)
 def force_angle(contacts: FloatArray, centre: FloatArray, force: FloatArray, moment: FloatArray) -> float:
     """Smallest of angle x lever x force over the tip-over axes, N m; negative while the rover tips.
-
-    Arguments as in `least_stable_axis`.
-    """
-    return float(least_stable_axis(contacts, centre, force, moment)[0])
-
-
-@njit(cache=True)
-def least_stable_axis(
-    contacts: FloatArray, centre: FloatArray, force: FloatArray, moment: FloatArray
-) -> tuple[float, int]:
-    """The force-angle measure (N m) and its axis: i from contact i to the next.
 
     ``contacts`` (m, 3) clockwise seen from above; ``centre`` (3,) of mass; ``force`` and ``moment`` (3,) on the
     vehicle without the ground's reactions (gravity minus mass times acceleration, and pushes from outside).
     """
     count = contacts.shape[0]
-    least, place = 1e300, 0
+    least = 1e300
     for i in range(count):
-        j = (i + 1) % count
-        axis = _unit(
-            (contacts[j, 0] - contacts[i, 0], contacts[j, 1] - contacts[i, 1], contacts[j, 2] - contacts[i, 2])
-        )
-        lever = _across(axis, (contacts[j, 0] - centre[0], contacts[j, 1] - centre[1], contacts[j, 2] - centre[2]))
+        axis, lever = _axis_and_lever(contacts, centre, i)
         push = _across(axis, (force[0], force[1], force[2]))
         turning = axis[0] * moment[0] + axis[1] * moment[1] + axis[2] * moment[2]
-        measure = _about_axis(axis, lever, push, turning)
-        if measure < least:
-            least, place = measure, i
-    return least, place
+        least = min(least, _about_axis(axis, lever, push, turning))
+    return least
+
+
+@njit(cache=True)
+def tip_angles(
+    contacts: FloatArray, centre: FloatArray, down: FloatArray, rate: FloatArray, angles: FloatArray, rates: FloatArray
+) -> None:
+    """Write the angle (rad) left until the weight acts over each axis, and the rate of falling over it.
+
+    Axis i runs from contact i to the next; past it the angle is negative. ``down`` (3,) is the direction of gravity,
+    ``rate`` (3,) the rotation of the vehicle (rad/s); ``angles`` and ``rates`` are (m,).
+    """
+    for i in range(contacts.shape[0]):
+        axis, lever = _axis_and_lever(contacts, centre, i)
+        weight = _across(axis, (down[0], down[1], down[2]))
+        cosine = _dot(weight, lever) / max(sqrt(_dot(weight, weight) * _dot(lever, lever)), 1e-12)
+        angle = acos(max(-1.0, min(1.0, cosine)))
+        angles[i] = angle if _dot(_cross(weight, lever), axis) > 0.0 else -angle
+        rates[i] = -_dot(axis, (rate[0], rate[1], rate[2]))
+
+
+@njit(cache=True)
+def _axis_and_lever(contacts: FloatArray, centre: FloatArray, place: int) -> tuple[Vector3, Vector3]:
+    """Unit vector along a tip-over axis, and the lever to it from the centre of mass, across it."""
+    ax, ay, az = contacts[place, 0], contacts[place, 1], contacts[place, 2]
+    end = (place + 1) % contacts.shape[0]
+    bx, by, bz = contacts[end, 0], contacts[end, 1], contacts[end, 2]
+    axis = _unit((bx - ax, by - ay, bz - az))
+    return axis, _across(axis, (bx - centre[0], by - centre[1], bz - centre[2]))
 
 
 @njit(cache=True)

@@ -10,7 +10,7 @@ import numpy as np
 
 from rover_sim.sim import soil_kernels as kernel
 from rover_sim.sim.rover import Body, RoverModel
-from rover_sim.sim.stability import force_angle
+from rover_sim.sim.stability import force_angle, tip_angles
 from rover_sim.sim.support_polygon import outline
 from rover_sim.sim.surroundings import Grid, Surroundings
 from rover_sim.sim.vehicle_state import BodyContact, VehicleState
@@ -19,6 +19,7 @@ from worlds.heightfield import contains
 from worlds.types import BoolArray, FloatArray, HeightField, Pose, Vector3
 
 Motion = tuple[Vector3, Vector3, Vector3]  # velocity and rate of the chassis' centre of mass, push of that step (N)
+_DOWN = np.array([0.0, 0.0, -1.0])
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,6 +57,9 @@ def observe(now: Snapshot) -> VehicleState:
     hubs, wheel_speeds = now.hubs_w, now.raw[13 : 13 + len(now.hubs_w)].copy()
     ahead = np.array([rotation[1, 1], -rotation[0, 1]])  # axle x up: level
     directions = np.tile(ahead / max(hypot(*ahead), 1e-9), (len(hubs), 1))
+    feet = hubs[list(_outline(now.rover))] - now.rover.wheel.radius_m * rotation[:, 2]
+    tip_angle, tip_rate = np.empty(len(feet)), np.empty(len(feet))
+    tip_angles(feet, now.centre_w, _DOWN, rate, tip_angle, tip_rate)
     return VehicleState(
         time_s=now.time_s,
         pose=Pose(position, now.raw[3:7].copy()),
@@ -75,7 +79,9 @@ def observe(now: Snapshot) -> VehicleState:
         power_W=now.power_W,
         energy_J=now.energy_J,
         tilt_rad=acos(min(max(float(rotation[2, 2]), -1.0), 1.0)),
-        stability_margin=_stability(now, rotation),
+        stability_margin=_stability(now, rotation, feet),
+        tip_angle_rad=tip_angle,
+        tip_rate_rad_s=tip_rate,
         belly_contact=now.belly_contact,
         belly_clearance_m=now.around.belly_clearance(now.ground, now.grid, position, rotation),
         body_contacts=now.body_contacts,
@@ -84,19 +90,17 @@ def observe(now: Snapshot) -> VehicleState:
     )
 
 
-def _stability(now: Snapshot, rotation: FloatArray) -> float:
+def _stability(now: Snapshot, rotation: FloatArray, feet: FloatArray) -> float:
     """Force-angle measure divided by its value at rest on level ground."""
     rover = now.rover
-    feet_w = now.hubs_w[list(_outline(rover))] - rover.wheel.radius_m * rotation[:, 2]
     (old_velocity, old_rate, _), (velocity, rate, _) = now.motion[0], now.motion[-1]
     steps = max(len(now.motion) - 1, 1)
     acceleration = (np.array(velocity) - old_velocity) / (steps * now.dt)
     turning = rotation.T @ ((np.array(rate) - old_rate) / (steps * now.dt))
-    gravity = np.array([0.0, 0.0, -now.gravity_m_s2])
     push = np.array([sum(axis) for axis in zip(*(step[2] for step in now.motion), strict=True)])
-    force = rover.mass_kg * (gravity - acceleration) + push / steps
+    force = rover.mass_kg * (now.gravity_m_s2 * _DOWN - acceleration) + push / steps
     moment = -rotation @ (_inertia(rover) @ turning)
-    margin = force_angle(feet_w, now.centre_w, force, moment)
+    margin = force_angle(feet, now.centre_w, force, moment)
     return margin / _level_measure(rover, now.gravity_m_s2)
 
 

@@ -43,6 +43,8 @@ class VehicleState:
     energy_J: float  # the same since the start
     tilt_rad: float  # between body z and the vertical
     stability_margin: float  # force-angle measure, 1 on level ground at rest, < 0 tips
+    tip_angle_rad: FloatArray  # (m,) left until the weight acts over each side of the polygon of support
+    tip_rate_rad_s: FloatArray  # (m,) at which that angle shrinks
     belly_contact: bool  # with the ground
     belly_clearance_m: float  # least gap under the hull, to ground or obstacles; below 0 they press
     body_contacts: tuple[BodyContact, ...]  # of this step
