@@ -150,7 +150,7 @@ def test_turning_on_the_spot_skids() -> None:
             simulation.step([-2.0] * 3 + [2.0] * 3)
         rate = float(simulation.state.angular_velocity_w[2])
     ratio = 4.0 * ROVER.wheel_shape().shear_radius_m / ROVER.track_m / rate
-    assert ratio == pytest.approx(ROVER.drive.effective_track_ratio, rel=0.15)
+    assert 1.6 <= ratio <= 2.0
 
 
 def test_the_polygon_of_support_is_the_outer_wheels_clockwise() -> None:

@@ -16,8 +16,10 @@ from worlds.types import CameraModel, Footprint, Vector3
 
 _FOLDER = Path(__file__).parent / "rovers"
 CHASSIS = "chassis"  # what wheels and arms sit on if on no arm
-_RIGID_CLIMB = 0.5  # of the wheel radius; a vertical step of 0.6 is what Husky climbs, 0.9 the rocker-bogie
-_ARTICULATED_CLIMB = 0.8
+# Of the wheel radius. In this simulator rocks of 0.7 pass under Husky, of 1.2 under the rocker-bogie; vertical steps
+# of 0.6 and 0.9.
+_RIGID_CLIMB = 0.5
+_ARTICULATED_CLIMB = 1.2
 _CLEARANCE_SHARE = 0.6
 _LENGTH = (0.001, 20.0)
 _OFFSET = (-20.0, 20.0)
