@@ -23,7 +23,9 @@ from rover_sim.sim.rover import RoverModel, load_rover, rover_names
 from rover_sim.sim.rover_urdf import urdf
 from rover_sim.sim.simulation import Simulation
 from tests.sim_factory import box_mesh, make_world, slope
-from worlds.types import ByteArray
+from worlds.types import ByteArray, Pose, Vector3
+
+Block = tuple[Vector3, Vector3]  # lowest and highest corner
 
 SIZE = (520, 400)
 SPOKES = 24  # grousers and gaps of a wheel
@@ -70,48 +72,52 @@ def write_wheel(rover: RoverModel, path: Path) -> None:
 
 
 def picture(rover: RoverModel) -> ByteArray:
-    """Picture (H, W, 3) of a rover with its left wheels on a block of half a wheel radius or what it climbs."""
-    height = rover.climb_height_m
-    half = len(rover.wheel.positions_m) // 2
-    front, reach = rover.wheel.positions_m[0][0], rover.track_m / 2
-    low, high = (
-        (front + 1.5 * rover.wheel.radius_m, reach - 1.5 * rover.wheel.width_m, -0.05),
-        (front + 1.0, reach + 1.5 * rover.wheel.width_m, height),
-    )
-    with Simulation(make_world(slope(0.0), mesh=box_mesh(low, high)), rover, np.random.default_rng(0)) as simulation:
-        goal = low[0] - 0.35 * rover.wheelbase_m
-        while simulation.state.pose.position_w[0] < goal and simulation.time_s < 8.0:
-            simulation.step([1.5] * 2 * half)
-        joints = pybullet.getJointStates(simulation._body.body, simulation._body.joints, simulation.client)  # noqa: SLF001
-        pose = simulation.state.pose
-        numbers = simulation._body.joints  # noqa: SLF001
+    """Picture (H, W, 3) of a rover with its left front wheel on a block as high as the rocks that it drives over."""
+    block = block_under(rover)
+    pose, angles = on_block(rover, block)
     client = int(pybullet.connect(pybullet.DIRECT))
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "rover.urdf"
         path.write_text(visible_urdf(rover, Path(folder)), encoding="utf-8")
-        body = pybullet.loadURDF(
-            str(path), pose.position_w.tolist(), pose.quaternion_w.tolist(), physicsClientId=client
-        )
-    for number, joint in zip(numbers, joints, strict=True):
-        pybullet.resetJointState(body, number, joint[0], physicsClientId=client)
-    wheels = numbers[: 2 * half]
-    for link in (physics.CHASSIS, *numbers):
-        kind = "chassis" if link == physics.CHASSIS else "wheel" if link in wheels else "arm"
+        place, turn = pose.position_w.tolist(), pose.quaternion_w.tolist()
+        body = pybullet.loadURDF(str(path), place, turn, physicsClientId=client)
+    for link, (kind, angle) in angles.items():
+        if link != physics.CHASSIS:
+            pybullet.resetJointState(body, link, angle, physicsClientId=client)
         pybullet.changeVisualShape(body, link, rgbaColor=COLOURS[kind], physicsClientId=client)
-    add_box(client, (-3.0, -3.0, -0.1), (4.0, 4.0, 0.0), GROUND)
-    add_box(client, low, high, BLOCK)
-    image = render(client, rover, pose.position_w.tolist())
+    add_box(client, ((-3.0, -3.0, -0.1), (4.0, 4.0, 0.0)), GROUND)
+    add_box(client, block, BLOCK)
+    image = render(client, rover, place)
     pybullet.disconnect(physicsClientId=client)
     return image
 
 
-def add_box(
-    client: int,
-    low: tuple[float, float, float],
-    high: tuple[float, float, float],
-    colour: tuple[float, float, float, float],
-) -> None:
+def block_under(rover: RoverModel) -> Block:
+    """A block ahead of the left wheels."""
+    wheel, reach = rover.wheel, rover.track_m / 2
+    front, side = wheel.positions_m[0][0], 1.5 * wheel.width_m
+    low = (front + 1.5 * wheel.radius_m, reach - side, -0.05)
+    return low, (front + 1.0, reach + side, rover.climb_height_m)
+
+
+def on_block(rover: RoverModel, block: Block) -> tuple[Pose, dict[int, tuple[str, float]]]:
+    """Pose with the left front wheel on the block, and kind and angle of every link."""
+    world = make_world(slope(0.0), mesh=box_mesh(*block))
+    wheels = len(rover.wheel.positions_m)
+    with Simulation(world, rover, np.random.default_rng(0)) as simulation:
+        goal = block[0][0] - 0.35 * rover.wheelbase_m
+        while simulation.state.pose.position_w[0] < goal and simulation.time_s < 8.0:
+            simulation.step([1.5] * wheels)
+        body = simulation._body  # noqa: SLF001 - to be copied
+        states = pybullet.getJointStates(body.body, body.joints, simulation.client)
+        kinds = ["wheel"] * wheels + ["arm"] * len(body.arms)
+        links = {link: (kind, state[0]) for link, kind, state in zip(body.joints, kinds, states, strict=True)}
+        return simulation.state.pose, {physics.CHASSIS: ("chassis", 0.0), **links}
+
+
+def add_box(client: int, box: Block, colour: tuple[float, float, float, float]) -> None:
     """A box that is only seen."""
+    low, high = box
     half = (np.subtract(high, low) / 2).tolist()
     shape = pybullet.createVisualShape(pybullet.GEOM_BOX, halfExtents=half, rgbaColor=colour, physicsClientId=client)
     pybullet.createMultiBody(0.0, -1, shape, (np.add(high, low) / 2).tolist(), physicsClientId=client)
@@ -150,12 +156,9 @@ def main() -> int:
         cv2.putText(panel, label, (14, 26), cv2.FONT_HERSHEY_SIMPLEX, 0.6, (40, 40, 40), 1, cv2.LINE_AA)
         panels.append(panel)
     with atomic_path(path) as temporary:
-        done, data = cv2.imencode(
-            ".png", cv2.cvtColor(np.hstack(panels), cv2.COLOR_RGB2BGR), [cv2.IMWRITE_PNG_COMPRESSION, 9]
-        )
-        temporary.write_bytes(data.tobytes())
+        temporary.write_bytes(cv2.imencode(".png", cv2.cvtColor(np.hstack(panels), cv2.COLOR_RGB2BGR))[1].tobytes())
     print(f"{path}: {path.stat().st_size / 1000:.0f} kB")
-    return 0 if done else 1
+    return 0
 
 
 if __name__ == "__main__":
