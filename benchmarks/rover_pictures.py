@@ -72,7 +72,7 @@ def write_wheel(rover: RoverModel, path: Path) -> None:
 
 
 def picture(rover: RoverModel) -> ByteArray:
-    """Picture (H, W, 3) of a rover with its left front wheel on a block as high as the rocks that it drives over."""
+    """Picture (H, W, 3) of a rover with its left front wheel on a block about as high as it climbs."""
     block = block_under(rover)
     pose, angles = on_block(rover, block)
     client = int(pybullet.connect(pybullet.DIRECT))
@@ -97,7 +97,8 @@ def block_under(rover: RoverModel) -> Block:
     wheel, reach = rover.wheel, rover.track_m / 2
     front, side = wheel.positions_m[0][0], 1.5 * wheel.width_m
     low = (front + 1.5 * wheel.radius_m, reach - side, -0.05)
-    return low, (front + 1.0, reach + side, rover.climb_height_m)
+    height = min(rover.climb_height_m, 0.85 * wheel.radius_m)  # a step is harder to climb than a rock
+    return low, (front + 1.0, reach + side, height)
 
 
 def on_block(rover: RoverModel, block: Block) -> tuple[Pose, dict[int, tuple[str, float]]]:
