@@ -110,10 +110,10 @@ def hypotenuse(a: float, b: float) -> float:
 def test_table_agrees_with_the_wheel_it_was_made_from() -> None:
     soil = PRESETS["loose_sand"]
     table = wheel_table(soil, WHEEL, 1000.0)
-    rows, columns = table.values.shape[:2]
+    _, rows, columns, _ = table.values.shape
     load, slip = (12 * table.load_step) ** 2, (20 / (columns - 1)) ** 2
     direct = steady_wheel(soil, WHEEL, load, slip)
     assert rows > 12
-    assert table.values[12, 20] == pytest.approx(
+    assert table.values[0, 12, 20] == pytest.approx(
         [direct.thrust_N, direct.resistance_N, direct.sinkage_m, direct.contact_m], rel=2e-3
     )

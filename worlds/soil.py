@@ -31,6 +31,7 @@ class Soil:
     damping_ratio: float = 0.5  # of the shear spring that holds a parked wheel
     unit_weight_N_m3: float = 15000.0  # on Earth; for bulldozing
     reload_share: float = 0.1  # of the depth of a rut, over which its floor regains the pressure that made it
+    packed_shear_share: float = 0.4  # K of packed soil over K of loose soil: 10 / 25 mm for dry sand (Wong 2008)
     source: str = ""
     calibrated: tuple[str, ...] = ()  # fields that were fitted or filled in, not read in the source
 
@@ -70,7 +71,7 @@ _TABLE = (
         "firm",
         (0.0, 2.5e7),
         (1.5, 0.0),
-        (0.2, 25.2, 0.37),
+        (0.2, 25.2, 0.355),
         "ours: stiff natural ground, slip-slope points of the Cuadriga data",
         "cohesive_modulus",
         "frictional_modulus",
@@ -84,7 +85,7 @@ _TABLE = (
         "loose_sand",
         (0.99, 1528.43),
         (1.10, 0.0),
-        (1.04, 38.5, 16.3),
+        (1.04, 36.5, 17.0),
         f"{_WONG}: dry sand (LLL), friction angle and K fitted to published slip-slope curves",
         "friction_angle_rad",
         _K,

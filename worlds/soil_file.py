@@ -24,6 +24,7 @@ _LIMITS: Limits = {
     "damping_ratio": (0.05, 2.0),
     "unit_weight_N_m3": (500.0, 50_000.0),
     "reload_share": (0.01, 1.0),
+    "packed_shear_share": (0.05, 1.0),
 }
 
 
@@ -43,6 +44,7 @@ class SoilFile(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=
     damping_ratio: float = 0.5
     unit_weight_N_m3: float = 15000.0
     reload_share: float = 0.1
+    packed_shear_share: float = 0.4
     source: str = ""
 
 
@@ -79,6 +81,7 @@ def load_soil(name_or_path: str) -> Soil:
         damping_ratio=file.damping_ratio,
         unit_weight_N_m3=file.unit_weight_N_m3,
         reload_share=file.reload_share,
+        packed_shear_share=file.packed_shear_share,
         source=file.source or str(path),
     )
 

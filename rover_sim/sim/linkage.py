@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from rover_sim.sim import soil_kernels as kernel
+from rover_sim.sim import motion_kernels as kernel
 from rover_sim.sim.rover import RoverModel
 from worlds.types import FloatArray, Vector3
 
@@ -17,7 +17,7 @@ def hub_table(rover: RoverModel) -> FloatArray:
 
 
 def arm_table(rover: RoverModel) -> FloatArray:
-    """Arms (m, ARM_COLUMNS) of `soil_kernels.arm_motion`: parent and pivot are filled in, the motion is zero."""
+    """Arms (m, ARM_COLUMNS) of `motion_kernels.arm_motion`: parent and pivot are filled in, the motion is zero."""
     table = np.zeros((len(rover.suspension.arm), kernel.ARM_COLUMNS))
     numbers = rover.suspension.arm_numbers()
     for row, arm in zip(table, rover.suspension.arm, strict=True):
@@ -33,7 +33,7 @@ def arm_offsets(rover: RoverModel) -> FloatArray:
 
 
 def mass_centre_w(rover: RoverModel, body: FloatArray, hubs_w: FloatArray, arms: FloatArray) -> FloatArray:
-    """Centre of mass (3,) in the world from ``body`` (18,), hubs (n, 3) and arms as `soil_kernels` moved them."""
+    """Centre of mass (3,) in the world from ``body`` (18,), hubs (n, 3) and arms as `motion_kernels` moved them."""
     total = rover.chassis.mass_kg * body[:3] + rover.wheel.mass_kg * hubs_w.sum(axis=0)
     rotation = body[9:18].reshape(3, 3)
     for arm, row, (x, y, z) in zip(rover.suspension.arm, arms, arm_offsets(rover), strict=True):

@@ -23,7 +23,7 @@ def resting_pose(ground: HeightField, start: Pose, rover: RoverModel, soil: Whee
     normal /= np.linalg.norm(normal)
     loads = np.full(len(hubs), rover.mass_kg * gravity_m_s2 * normal[2] / len(hubs))
     # Weight along the plane over weight across it is its slope: that share of their load the wheels hold with.
-    depth = float(soil.settle(loads, (float(along), float(across))).mean())
+    depth = float(soil.settle(loads, (float(along), float(across)), spots).mean())
     foot = np.array([start.position_w[0], start.position_w[1], level])
     position = foot + (rover.wheel.radius_m - depth - float(hubs[:, 2].mean())) * normal
     return Pose(position, quaternion_from_rotation(_attitude(normal, ahead)))

@@ -8,10 +8,11 @@ import numpy as np
 
 from rover_sim.sim import linkage
 from rover_sim.sim import soil_kernels as kernel
+from rover_sim.sim.motion_kernels import BODY_COLUMNS, MOTION_COLUMNS, locate
 from rover_sim.sim.rover import Box, RoverModel
+from rover_sim.sim.ruts import RutField
 from rover_sim.sim.terramechanics import WheelSoil
-from worlds.soil import Soil
-from worlds.types import FloatArray, HeightField
+from worlds.types import FloatArray, World
 
 _BELLY_FRICTION = 0.5
 _BELLY_DAMPING_RATIO = 0.5
@@ -20,8 +21,15 @@ _BELLY_DAMPING_RATIO = 0.5
 class RoverGround:
     """What the ground does to one rover; positions are relative to the centre of mass of its chassis."""
 
-    def __init__(self, ground: HeightField, soil: Soil, rover: RoverModel, gravity_m_s2: float) -> None:
-        self.soil = WheelSoil(ground, soil, rover, gravity_m_s2)
+    def __init__(self, world: World, rover: RoverModel) -> None:
+        self.soil = WheelSoil(
+            world.ground,
+            world.soil,
+            rover,
+            world.scenario.gravity_m_s2,
+            soil_map=world.soil_map,
+            ruts=RutField(world.ground) if world.scenario.soil.ruts else None,
+        )
         centre = np.array(rover.chassis.centre_of_mass_m)
         self._rover = rover
         self._hubs, self._arms = linkage.hub_table(rover), linkage.arm_table(rover)
@@ -31,8 +39,8 @@ class RoverGround:
         damping = 2.0 * _BELLY_DAMPING_RATIO * sqrt(stiffness * share)
         self._belly = np.array([stiffness, damping, _BELLY_FRICTION])
         self.raw = np.zeros(13 + len(self._hubs) + 2 * len(self._arms))
-        self.body = np.zeros(kernel.BODY_COLUMNS)
-        self.motion = np.zeros((len(self._hubs), kernel.MOTION_COLUMNS))
+        self.body = np.zeros(BODY_COLUMNS)
+        self.motion = np.zeros((len(self._hubs), MOTION_COLUMNS))
         self.wrench = np.zeros(6)
 
     def step(self, dt: float) -> int:
@@ -42,7 +50,9 @@ class RoverGround:
             kernel.ground_forces(
                 soil.ground,
                 soil.grid,
-                soil.table,
+                soil.soils,
+                soil.rut_view,
+                soil.tables,
                 soil.constants,
                 self._points,
                 self._belly,
@@ -60,7 +70,7 @@ class RoverGround:
 
     def locate(self) -> tuple[FloatArray, FloatArray]:
         """Hubs (n, 3) and centre of mass (3,) of the whole rover in the world, for ``raw`` as it is now."""
-        kernel.locate(self.raw, self._hubs, self._arms, self.body, self.motion)
+        locate(self.raw, self._hubs, self._arms, self.body, self.motion)
         hubs = self.motion[:, :3].copy()
         return hubs, linkage.mass_centre_w(self._rover, self.body, hubs, self._arms)
 

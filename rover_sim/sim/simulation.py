@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
@@ -14,6 +15,7 @@ from rover_sim.sim.bullet import pybullet
 from rover_sim.sim.contacts import ContactReader
 from rover_sim.sim.rover import RoverModel
 from rover_sim.sim.rover_ground import RoverGround
+from rover_sim.sim.ruts import RutField
 from rover_sim.sim.sensors import Sensors
 from rover_sim.sim.soil_kernels import FORCE, POINT
 from rover_sim.sim.surroundings import Surroundings
@@ -24,6 +26,16 @@ _SETTLE_S = 4.0  # at most
 _STILL_SPEED = 2e-4  # m/s and rad/s
 _ACCELERATION_STEPS = 12  # over which the acceleration of the stability measure is taken
 _NO_PUSH = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class Work:
+    """Where the work of the motors went since the start, J; what is left is height, motion and what rocks took."""
+
+    motors: float  # negative where they brake
+    shear: float  # slip of the wheels, along and across
+    drag: float  # compaction and bulldozing
+    normal: float  # springs and dampers of the contact
 
 
 class Simulation:
@@ -39,7 +51,7 @@ class Simulation:
     ) -> None:
         self.world, self.rover, self.dt = world, rover, time_step_s
         gravity = world.scenario.gravity_m_s2
-        self._ground = RoverGround(world.ground, world.soil, rover, gravity)
+        self._ground = RoverGround(world, rover)
         self._client = physics.connect(gravity, time_step_s)
         pose = placement.resting_pose(world.ground, world.start, rover, self._ground.soil, gravity)
         self._body = physics.add_rover(self._client, rover, pose)
@@ -94,6 +106,16 @@ class Simulation:
         )
         self._pushed = force_w
 
+    @property
+    def ruts(self) -> RutField | None:
+        """The ruts driven so far; None where the scenario's ground does not deform."""
+        return self._ground.soil.ruts
+
+    @property
+    def work_J(self) -> Work:
+        """The energy balance of motors and soil."""
+        return Work(self._motor_work_J, *self._ground.soil.work_J)
+
     def read_sensors(self) -> SensorReadings:
         """What the rover's own sensors say now, averaged over the time since the last reading where they do so."""
         return self._sensors.read(self.time_s, self._ground.raw, self._wheel_angles)
@@ -116,7 +138,8 @@ class Simulation:
 
     def _start_clock(self) -> None:
         self._steps = 0
-        self._energy_J = 0.0
+        self._energy_J = self._motor_work_J = 0.0
+        self._ground.soil.forget_work()
         self._power_W = self.rover.motor.idle_power_W
         self._belly = False
 
@@ -181,9 +204,10 @@ class Simulation:
         self._pushed = _NO_PUSH
 
     def _account(self) -> None:
-        work = sum(max(torque * speed, 0.0) for torque, speed in zip(self._torques, self._wheel_speeds, strict=True))
-        self._power_W = work + self.rover.motor.idle_power_W
+        powers = [torque * speed for torque, speed in zip(self._torques, self._wheel_speeds, strict=True)]
+        self._power_W = sum([max(power, 0.0) for power in powers]) + self.rover.motor.idle_power_W
         self._energy_J += self._power_W * self.dt
+        self._motor_work_J += sum(powers) * self.dt
 
     def _snapshot(self) -> truth.Snapshot:
         hubs_w, centre_w = self._ground.locate()

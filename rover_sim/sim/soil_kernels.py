@@ -2,32 +2,34 @@
 
 Contact: a plane through seven heights under the wheel (the tyre envelops what is smaller), penetration of the rim
 along its normal, a spring and damper on what the plastic sinkage leaves. Sinkage and traction relax toward the steady
-Wong-Reece wheel (a table over load and slip) over one contact length of travel. The shear displacement (j_x, j_y) of
-each wheel is a state, so that a parked wheel is held by a spring and both directions share one limit.
+Wong-Reece wheel (a table over depth of rut, load and slip) over one contact length of travel. The shear displacement
+(j_x, j_y) of each wheel is a state, so that a parked wheel is held by a spring and both directions share one limit.
 
-One file on purpose: numba's cache looks only at the file of the outermost function, so compiled code that is called
-from another file would go on running after it was changed.
+Ruts: wheels press their plastic sinkage into a fine map of depths below the natural ground, which stays as it is: the
+elastic contact never sees its own rut, so nothing digs itself in. What counts for a wheel is the depth of the soil that
+comes under it (its state PRIOR), read ahead of its contact in the direction of travel. Beside a wheel soil piles up.
+
+numba's cache looks only at the file of the outermost function: after a change in `rut_kernels` or `motion_kernels`
+save this file anew, or the old code goes on running.
 """
 
 from __future__ import annotations
 
-from math import atan2, cos, exp, sin, sqrt
+from math import atan2, exp, sqrt
 
 from numba import njit
 
-from worlds.types import FloatArray
+from rover_sim.sim.motion_kernels import locate
+from rover_sim.sim.rut_kernels import Ruts, coming, press_rut, rut_depth
+from worlds.types import ByteArray, FloatArray
 
 Triple = tuple[float, float, float]
 
-# Columns of the motion of body and wheels.
-BODY_COLUMNS = 18
-MOTION_COLUMNS = 13
-# Columns of a passive arm: what it sits on, its pivot with every arm level, then its motion in body axes.
-ARM_PARENT, ARM_PIVOT, ARM_SIN, ARM_COS, ARM_X, ARM_Z, ARM_VX, ARM_VZ, ARM_RATE = 0, 1, 4, 5, 6, 7, 8, 9, 10
-ARM_COLUMNS = 11
 # Columns of the state of a wheel, kept from step to step.
-SHEAR_X, SHEAR_Y, SINKAGE, CONTACT, PUSHED = 0, 1, 2, 3, 4
-STATE_COLUMNS = 5
+SHEAR_X, SHEAR_Y, SINKAGE, CONTACT, PUSHED, PRIOR = 0, 1, 2, 3, 4, 5
+PRESSED_X, PRESSED_Y, PRESSED_DEPTH = 6, 7, 8  # where and how deep the wheel last pressed its rut
+WORK_SHEAR, WORK_DRAG, WORK_NORMAL = 9, 10, 11  # J done on the soil since the start
+STATE_COLUMNS = 12
 # Columns of the result: force on the wheel in the world, where it acts, and what the recorder wants.
 FORCE, POINT, NORMAL, SLIP, SLIP_ANGLE, DEPTH, DRAWBAR, THRUST, SPEED = 0, 3, 6, 7, 8, 9, 10, 11, 12
 RESULT_COLUMNS = 13
@@ -44,8 +46,11 @@ RESULT_COLUMNS = 13
     TAN_PHI,
     LOAD_STEP,
     SETTLING,
-) = range(11)
-CONSTANTS = 11
+    DEEPEST_RUT,
+    PASSIVE_COHESION,
+    PASSIVE_WEIGHT,
+) = range(14)
+CONSTANTS = 14
 
 _SLIP_SPEED = 0.02  # m/s; below it a slip ratio says nothing
 _BUILD_UP = 0.002  # m of travel over which the drag of the soil builds up
@@ -57,6 +62,10 @@ _ONSET = 0.002  # m of penetration over which damping sets in
 _PROBE_SLIP = 0.05  # where the stiffness of the unloaded shear spring is taken
 _ENVELOPE = 0.5  # half length of the sampled ground, in wheel radii
 _SLIDING_SPEED = 0.02  # m/s over which friction of the belly builds up
+_PRESS_STEP = 0.5  # texels of travel after which a wheel presses its rut anew
+_DEEPER = 5e-4  # m of sinkage after which it does so on the spot
+_SHALLOWEST = 1e-5  # m; less leaves no rut
+_HIGHEST_BERM = 0.2  # m, more than wheels pile up
 
 
 @njit(cache=True)
@@ -74,19 +83,25 @@ def ground_height(heights: FloatArray, x0: float, y0: float, inverse_cell: float
 
 
 @njit(cache=True)
-def steady(table: FloatArray, load_step: float, load: float, slip: float) -> tuple[float, float, float, float]:
-    """Thrust and resistance per load, sinkage and contact length at a load (N) and slip (0..1), bilinear."""
-    rows, columns = table.shape[0], table.shape[1]
-    u = min(sqrt(max(load, 0.0)) / load_step, rows - 1.000001)
+def steady(
+    table: FloatArray, constants: FloatArray, rut: float, load: float, slip: float
+) -> tuple[float, float, float, float]:
+    """Thrust and resistance per load, sinkage and contact length in a rut, at a load (N) and slip (0..1), trilinear."""
+    sheets, rows, columns = table.shape[0], table.shape[1], table.shape[2]
+    w = min(sqrt(max(rut, 0.0) / constants[DEEPEST_RUT]) * (sheets - 1), sheets - 1.000001)
+    u = min(sqrt(max(load, 0.0)) / constants[LOAD_STEP], rows - 1.000001)
     v = min(sqrt(min(max(slip, 0.0), 1.0)) * (columns - 1), columns - 1.000001)
-    i, j = int(u), int(v)
-    a, b = u - i, v - j
-    w00, w01, w10, w11 = (1 - a) * (1 - b), (1 - a) * b, a * (1 - b), a * b
-    thrust = w00 * table[i, j, 0] + w01 * table[i, j + 1, 0] + w10 * table[i + 1, j, 0] + w11 * table[i + 1, j + 1, 0]
-    resist = w00 * table[i, j, 1] + w01 * table[i, j + 1, 1] + w10 * table[i + 1, j, 1] + w11 * table[i + 1, j + 1, 1]
-    sink = w00 * table[i, j, 2] + w01 * table[i, j + 1, 2] + w10 * table[i + 1, j, 2] + w11 * table[i + 1, j + 1, 2]
-    length = w00 * table[i, j, 3] + w01 * table[i, j + 1, 3] + w10 * table[i + 1, j, 3] + w11 * table[i + 1, j + 1, 3]
-    return thrust, resist, sink, length
+    k, i, j = int(w), int(u), int(v)
+    a, b, c = u - i, v - j, w - k
+    thrust = resist = sink = length = 0.0
+    for corner in range(8 if c > 0.0 else 4):
+        p, q, r = corner & 1, (corner >> 1) & 1, corner >> 2
+        share = (b if p else 1.0 - b) * (a if q else 1.0 - a) * (c if r else 1.0 - c)
+        thrust += share * table[k + r, i + q, j + p, 0]
+        resist += share * table[k + r, i + q, j + p, 1]
+        sink += share * table[k + r, i + q, j + p, 2]
+        length += share * table[k + r, i + q, j + p, 3]
+    return thrust, resist, rut + sink, length
 
 
 @njit(cache=True)
@@ -158,8 +173,8 @@ def _sink(
     """Move contact length and plastic sinkage of a wheel toward the steady wheel; ``speeds`` as in `_traction`."""
     rim, vx, vy = speeds
     length = max(state[CONTACT], _SHORTEST)
-    slip = min(sqrt(state[SHEAR_X] ** 2 + state[SHEAR_Y] ** 2) / length, 1.0)
-    _, _, sink, length = steady(table, constants[LOAD_STEP], normal, slip)
+    slip = min(abs(state[SHEAR_X]) / length, 1.0)  # grousers dig along the wheel; sliding sideways does not
+    _, _, sink, length = steady(table, constants, state[PRIOR], normal, slip)
     state[CONTACT] = max(length, _SHORTEST)
     # At once where the load grows, else over the ground that comes under the wheel.
     renewal = dt * (max(abs(rim), abs(vx)) + abs(vy)) / state[CONTACT]
@@ -194,33 +209,6 @@ def _drag(constants: FloatArray, state: FloatArray, resistance: float, vx: float
 
 
 @njit(cache=True)
-def _traction(
-    table: FloatArray, constants: FloatArray, state: FloatArray, normal: float, speeds: Triple, dt: float
-) -> Triple:
-    """Thrust forward and left, and drag (N), of a wheel under load; advances its state.
-
-    ``speeds``: of the rim, of the hub forward and of the contact to the left (m/s).
-    """
-    _sink(table, constants, state, normal, speeds, dt)
-    rate_x, rate_y = _shear(state, speeds, dt)
-    length, load_step = state[CONTACT], constants[LOAD_STEP]
-    size = sqrt(state[SHEAR_X] ** 2 + state[SHEAR_Y] ** 2)
-    thrust0 = steady(table, load_step, normal, 0.0)[0]
-    thrust, resistance, _, _ = steady(table, load_step, normal, size / length)
-    gain = normal * (thrust - thrust0) / max(size, 1e-12)
-    stretch = max(size / length, _PROBE_SLIP)
-    spring = normal * max(steady(table, load_step, normal, stretch)[0] - thrust0, 0.0) / (stretch * length)
-    damping = min(constants[SHEAR_DAMPING] * sqrt(spring), _SPIN_DAMPING * constants[SPIN_MASS] / dt)
-    drag = _drag(constants, state, normal * resistance, speeds[1], dt)
-    # A wheel that rolls freely is sheared forward a little; that part comes and goes with the drag, which outweighs it.
-    force_x = gain * state[SHEAR_X] + damping * rate_x + normal * thrust0 * state[PUSHED] / _BUILD_UP
-    force_y = gain * state[SHEAR_Y] + damping * rate_y
-    limit = constants[COHESION] * constants[WIDTH] * length + normal * constants[TAN_PHI]
-    share = min(1.0, limit / max(sqrt(force_x * force_x + force_y * force_y), 1e-12))
-    return share * force_x, share * force_y, drag
-
-
-@njit(cache=True)
 def _slip_ratio(rim: float, vx: float) -> float:
     """Driving 1 - v / (omega r), braking (omega r - v) / v; mirrored for backward travel, fading near standstill."""
     sign = 1.0 if (rim if abs(rim) >= abs(vx) else vx) >= 0.0 else -1.0
@@ -228,10 +216,123 @@ def _slip_ratio(rim: float, vx: float) -> float:
 
 
 @njit(cache=True)
+def _walls(constants: FloatArray, state: FloatArray, side_depth: float, slip: float) -> tuple[float, float]:
+    """Largest resistance (N) of the soil wall beside a wheel, and of that before one that skids: bulldozing.
+
+    Passive earth pressure after Rankine, 2 c sqrt(K_p) + gamma h K_p at a depth h, over the segment of the wheel's side
+    in the soil (a parabola), and over the width of a wheel that pushes instead of rolling. A driven wheel has its soil
+    flow forward in the Wong-Reece stress already.
+    """
+    height = max(state[SINKAGE] - max(side_depth, 0.0), 0.0)
+    chord = sqrt(2.0 * constants[RADIUS] * height)
+    cohesion, weight = constants[PASSIVE_COHESION], constants[PASSIVE_WEIGHT]
+    side = chord * height * (4.0 / 3.0 * cohesion + 16.0 / 15.0 * weight * height)
+    height = max(state[SINKAGE] - state[PRIOR], 0.0)
+    front = constants[WIDTH] * height * (cohesion + weight * height) * max(-slip, 0.0)
+    return side, front
+
+
+@njit(cache=True)
+def _traction(
+    table: FloatArray,
+    constants: FloatArray,
+    state: FloatArray,
+    normal: float,
+    speeds: Triple,
+    side_depth: float,
+    dt: float,
+) -> Triple:
+    """Thrust forward and left, and drag (N), of a wheel under load; advances its state.
+
+    ``speeds``: of the rim, of the hub forward and of the contact to the left (m/s).
+    """
+    _sink(table, constants, state, normal, speeds, dt)
+    rate_x, rate_y = _shear(state, speeds, dt)
+    length, rut = state[CONTACT], state[PRIOR]
+    size = sqrt(state[SHEAR_X] ** 2 + state[SHEAR_Y] ** 2)
+    thrust0 = steady(table, constants, rut, normal, 0.0)[0]
+    thrust = steady(table, constants, rut, normal, size / length)[0]
+    resistance = steady(table, constants, rut, normal, abs(state[SHEAR_X]) / length)[1]
+    gain = normal * (thrust - thrust0) / max(size, 1e-12)
+    stretch = max(size / length, _PROBE_SLIP)
+    spring = normal * max(steady(table, constants, rut, normal, stretch)[0] - thrust0, 0.0) / (stretch * length)
+    damping = min(constants[SHEAR_DAMPING] * sqrt(spring), _SPIN_DAMPING * constants[SPIN_MASS] / dt)
+    wall, front = _walls(constants, state, side_depth, _slip_ratio(speeds[0], speeds[1]))
+    drag = _drag(constants, state, normal * resistance + front, speeds[1], dt)
+    # A wheel that rolls freely is sheared forward a little; that part comes and goes with the drag, which outweighs it.
+    force_x = gain * state[SHEAR_X] + damping * rate_x + normal * thrust0 * state[PUSHED] / _BUILD_UP
+    force_y = gain * state[SHEAR_Y] + damping * rate_y
+    limit = constants[COHESION] * constants[WIDTH] * length + normal * constants[TAN_PHI]
+    share = min(1.0, limit / max(sqrt(force_x * force_x + force_y * force_y), 1e-12))
+    # The wall beside the wheel is another body of soil: its resistance comes on top of the shear under the wheel.
+    wall *= max(-1.0, min(1.0, state[SHEAR_Y] / _BUILD_UP))
+    return share * force_x, share * force_y + wall, drag
+
+
+@njit(cache=True)
+def _meet(
+    ruts: Ruts,
+    constants: FloatArray,
+    own: FloatArray,
+    foot: tuple[float, float],
+    ahead: tuple[float, float],
+    speeds: Triple,
+    load: float,
+    dt: float,
+) -> float:
+    """Tell a wheel how deep the soil is that it meets; the depth beside it (m)."""
+    if ruts[0].shape[0] == 0:
+        return 0.0
+    if load <= 0.0:  # in the air: it will land on what is under it
+        under = max(rut_depth(ruts, foot[0], foot[1]), 0.0)
+        own[PRIOR] = under
+        return under
+    reach = sqrt(2.0 * constants[RADIUS] * max(own[SINKAGE] - own[PRIOR], 0.0))
+    depth, side = coming(ruts, foot, ahead, (reach, 0.5 * constants[WIDTH]), (speeds[1], speeds[2]))
+    way = dt * (abs(speeds[1]) + abs(speeds[2]))
+    own[PRIOR] += (depth - own[PRIOR]) * (1.0 - exp(-way / max(own[CONTACT], 1.0 / ruts[6])))
+    return side
+
+
+@njit(cache=True)
+def _leave(
+    ruts: Ruts,
+    constants: FloatArray,
+    own: FloatArray,
+    foot: tuple[float, float],
+    ahead: tuple[float, float],
+    speeds: Triple,
+) -> None:
+    """Press the rut of a wheel where it has moved on or sunk deeper since it last did."""
+    sinkage = own[SINKAGE]
+    if ruts[0].shape[0] == 0 or sinkage < _SHALLOWEST:
+        return
+    dx, dy = foot[0] - own[PRESSED_X], foot[1] - own[PRESSED_Y]
+    step = _PRESS_STEP / ruts[6]
+    if dx * dx + dy * dy < step * step and sinkage < own[PRESSED_DEPTH] + _DEEPER:
+        return
+    own[PRESSED_X], own[PRESSED_Y], own[PRESSED_DEPTH] = foot[0], foot[1], sinkage
+    lean = speeds[2] / (abs(speeds[1]) + abs(speeds[2]) + 1e-3)
+    press_rut(ruts, foot, ahead, (constants[RADIUS], 0.5 * constants[WIDTH]), sinkage, lean)
+
+
+@njit(cache=True)
+def soil_at(soils: ByteArray, grid: tuple[float, float, float], x: float, y: float) -> int:
+    """Which soil lies at a point: that of the nearest sample."""
+    rows, columns = soils.shape
+    i = min(max(int((x - grid[0]) * grid[2] + 0.5), 0), columns - 1)
+    j = min(max(int((y - grid[1]) * grid[2] + 0.5), 0), rows - 1)
+    soil: int = soils[j, i]
+    return soil
+
+
+@njit(cache=True)
 def wheel_forces(
     ground: FloatArray,
     grid: tuple[float, float, float],
-    table: FloatArray,
+    soils: ByteArray,
+    ruts: Ruts,
+    tables: FloatArray,
     constants: FloatArray,
     motion: FloatArray,
     state: FloatArray,
@@ -240,37 +341,51 @@ def wheel_forces(
 ) -> None:
     """Advance the soil under every wheel by ``dt`` and write the forces on the wheels.
 
-    ``motion`` (n, 13): hub position, hub velocity, unit axle (left), carrier rate (all world), rotation rate of the
-    wheel about its axle. ``state`` (n, 5) is updated, ``result`` (n, 13) written; columns as named above.
+    ``soils`` (ny, nx) says which of ``tables`` (S, ruts, loads, slips, 4) and ``constants`` (S, 14) holds where, or is
+    (1, 1) where one does everywhere. ``motion`` (n, 13): hub position, hub velocity, unit axle (left), carrier rate
+    (all world), rotation rate of the wheel about its axle. ``state`` (n, 12) is updated, ``result`` (n, 13) written;
+    columns as named above.
     """
-    radius, shear_radius = constants[RADIUS], constants[SHEAR_RADIUS]
-    spans = (_ENVELOPE * radius, 0.5 * constants[WIDTH])
     for i in range(motion.shape[0]):
         m, out, own = motion[i], result[i], state[i]
         hub, velocity, rate = (m[0], m[1], m[2]), (m[3], m[4], m[5]), (m[9], m[10], m[11])
+        soil = soil_at(soils, grid, hub[0], hub[1])
+        of, table = constants[soil], tables[soil]
+        radius, shear_radius = of[RADIUS], of[SHEAR_RADIUS]
+        spans = (_ENVELOPE * radius, 0.5 * of[WIDTH])
         normal, spoke, ahead, left, reach = _contact(ground, grid, hub, (m[6], m[7], m[8]), spans)
         vx = _dot(velocity, ahead)
         vy = _dot(velocity, left) - reach * _dot(_cross(rate, spoke), left)
         rim = m[12] * shear_radius
         elastic = radius - reach - own[SINKAGE]
+        rise = _dot(velocity, normal)
         load = 0.0
         if elastic > 0.0:
             onset = min(elastic / _ONSET, 1.0)
-            load = max(constants[STIFFNESS] * elastic - constants[DAMPING] * onset * _dot(velocity, normal), 0.0)
+            load = max(of[STIFFNESS] * elastic - of[DAMPING] * onset * rise, 0.0)
+        level = _unit(ahead[0], ahead[1], 0.0)
+        foot, way = (hub[0] - radius * spoke[0], hub[1] - radius * spoke[1]), (level[0], level[1])
+        side_depth = _meet(ruts, of, own, foot, way, (rim, vx, vy), load, dt)
         thrust = side = drag = 0.0
         if load > 0.0:
-            thrust, side, drag = _traction(table, constants, own, load, (rim, vx, vy), dt)
+            thrust, side, drag = _traction(table, of, own, load, (rim, vx, vy), side_depth, dt)
+            _leave(ruts, of, own, foot, way, (rim, vx, vy))
         else:
             own[SHEAR_X] = own[SHEAR_Y] = own[PUSHED] = 0.0
-            if elastic < -_CLEAR:  # fresh soil next time
-                own[SINKAGE] *= exp(-dt / _FORGET_S)
+            if elastic < -_CLEAR:  # it forgets its own rut and meets what lies under it
+                own[SINKAGE] += (own[PRIOR] - own[SINKAGE]) * (1.0 - exp(-dt / _FORGET_S))
+        own[WORK_SHEAR] += dt * (thrust * (rim - vx) - side * vy)
+        own[WORK_DRAG] += dt * drag * vx
+        own[WORK_NORMAL] -= dt * load * rise
         # Forces act at the bottom of the rim. The normal force moves ahead of the axle by what gives the torque of
         # a thrust at the shearing radius and of a drag at the hub.
         arm = radius - max(elastic, 0.0)
         shift = (drag * arm + thrust * (shear_radius - arm)) / load if load > 0.0 else 0.0
         for k in range(3):
             out[FORCE + k] = load * normal[k] + (thrust - drag) * ahead[k] + side * left[k]
-            out[POINT + k] = hub[k] - arm * spoke[k] + shift * ahead[k]
+            # PyBullet takes the lever from where the link was a step ago; without this the load would lie that much
+            # ahead of the axle, and brake.
+            out[POINT + k] = hub[k] - dt * velocity[k] - arm * spoke[k] + shift * ahead[k]
         out[NORMAL], out[DRAWBAR], out[THRUST], out[DEPTH] = load, thrust - drag, thrust, own[SINKAGE]
         out[SLIP], out[SLIP_ANGLE], out[SPEED] = _slip_ratio(rim, vx), atan2(vy, max(abs(vx), _SLIP_SPEED)), vx
 
@@ -279,6 +394,7 @@ def wheel_forces(
 def belly_wrench(
     ground: FloatArray,
     grid: tuple[float, float, float],
+    ruts: Ruts,
     points: FloatArray,
     body: FloatArray,
     constants: FloatArray,
@@ -300,6 +416,8 @@ def belly_wrench(
         ry = body[12] * px + body[13] * py + body[14] * pz
         rz = body[15] * px + body[16] * py + body[17] * pz
         depth = ground_height(ground, x0, y0, inverse, body[0] + rx, body[1] + ry) - (body[2] + rz)
+        if depth > -_HIGHEST_BERM and ruts[0].shape[0] > 0:
+            depth -= rut_depth(ruts, body[0] + rx, body[1] + ry)
         if depth <= 0.0:
             continue
         touching += 1
@@ -319,82 +437,12 @@ def belly_wrench(
 
 
 @njit(cache=True)
-def body_motion(raw: FloatArray, body: FloatArray) -> None:
-    """Position, velocity, rate and rotation matrix (18,) from ``raw`` (13,): position, quaternion, velocity, rate."""
-    x, y, z, w = raw[3], raw[4], raw[5], raw[6]
-    for k in range(3):  # a slice assignment would take numba two seconds to compile
-        body[k], body[3 + k], body[6 + k] = raw[k], raw[7 + k], raw[10 + k]
-    body[9], body[10], body[11] = 1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)
-    body[12], body[13], body[14] = 2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)
-    body[15], body[16], body[17] = 2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)
-
-
-@njit(cache=True)
-def arm_motion(raw: FloatArray, wheels: int, arms: FloatArray) -> None:
-    """Where passive arms (m, ARM_COLUMNS) on joints about body y are, and how they move against the chassis.
-
-    ``raw`` holds their angles and then their rates behind the joint rates of the ``wheels``. Arms come after the
-    arm that they sit on; angles turn x towards -z.
-    """
-    count = arms.shape[0]
-    for k in range(count):
-        own, parent = arms[k], int(arms[k, ARM_PARENT])
-        angle, rate = raw[13 + wheels + k], raw[13 + wheels + count + k]
-        s, c = sin(angle), cos(angle)
-        x, z, vx, vz = own[ARM_PIVOT], own[ARM_PIVOT + 2], 0.0, 0.0
-        if parent >= 0:
-            up = arms[parent]
-            dx, dz = x - up[ARM_PIVOT], z - up[ARM_PIVOT + 2]
-            rx, rz = up[ARM_COS] * dx + up[ARM_SIN] * dz, up[ARM_COS] * dz - up[ARM_SIN] * dx
-            x, z = up[ARM_X] + rx, up[ARM_Z] + rz
-            vx, vz = up[ARM_VX] + up[ARM_RATE] * rz, up[ARM_VZ] - up[ARM_RATE] * rx
-            s, c = s * up[ARM_COS] + c * up[ARM_SIN], c * up[ARM_COS] - s * up[ARM_SIN]
-            rate += up[ARM_RATE]
-        own[ARM_SIN], own[ARM_COS], own[ARM_X], own[ARM_Z] = s, c, x, z
-        own[ARM_VX], own[ARM_VZ], own[ARM_RATE] = vx, vz, rate
-
-
-@njit(cache=True)
-def wheel_motion(body: FloatArray, hubs: FloatArray, arms: FloatArray, raw: FloatArray, motion: FloatArray) -> None:
-    """Motion (n, 13) of wheels on axles along body y; ``hubs`` (n, 4) relative to the centre of mass, and their arm."""
-    wx, wy, wz = body[6], body[7], body[8]
-    ax, ay, az = body[10], body[13], body[16]
-    turning = wx * ax + wy * ay + wz * az
-    for i in range(hubs.shape[0]):
-        px, py, pz = hubs[i, 0], hubs[i, 1], hubs[i, 2]
-        ux, uz, swing = 0.0, 0.0, 0.0  # velocity and rate against the chassis
-        if hubs[i, 3] >= 0.0:
-            arm = arms[int(hubs[i, 3])]
-            dx, dz = px - arm[ARM_PIVOT], pz - arm[ARM_PIVOT + 2]
-            lx, lz = arm[ARM_COS] * dx + arm[ARM_SIN] * dz, arm[ARM_COS] * dz - arm[ARM_SIN] * dx
-            px, pz, swing = arm[ARM_X] + lx, arm[ARM_Z] + lz, arm[ARM_RATE]
-            ux, uz = arm[ARM_VX] + swing * lz, arm[ARM_VZ] - swing * lx
-        rx = body[9] * px + body[10] * py + body[11] * pz
-        ry = body[12] * px + body[13] * py + body[14] * pz
-        rz = body[15] * px + body[16] * py + body[17] * pz
-        m = motion[i]
-        m[0], m[1], m[2] = body[0] + rx, body[1] + ry, body[2] + rz
-        m[3] = body[3] + wy * rz - wz * ry + body[9] * ux + body[11] * uz
-        m[4] = body[4] + wz * rx - wx * rz + body[12] * ux + body[14] * uz
-        m[5] = body[5] + wx * ry - wy * rx + body[15] * ux + body[17] * uz
-        m[6], m[7], m[8] = ax, ay, az
-        m[9], m[10], m[11] = wx + swing * ax, wy + swing * ay, wz + swing * az
-        m[12] = raw[13 + i] + turning + swing
-
-
-@njit(cache=True)
-def locate(raw: FloatArray, hubs: FloatArray, arms: FloatArray, body: FloatArray, motion: FloatArray) -> None:
-    """Where body, arms and wheels are and how they move: writes ``body``, ``arms`` and ``motion``."""
-    body_motion(raw, body)
-    arm_motion(raw, hubs.shape[0], arms)
-    wheel_motion(body, hubs, arms, raw, motion)
-
-
-@njit(cache=True)
 def ground_forces(
     ground: FloatArray,
     grid: tuple[float, float, float],
-    table: FloatArray,
+    soils: ByteArray,
+    ruts: Ruts,
+    tables: FloatArray,
     wheel_constants: FloatArray,
     belly_points: FloatArray,
     belly_constants: FloatArray,
@@ -414,5 +462,5 @@ def ground_forces(
     of the n wheels, angles and rates of the m arms. Writes all other arrays that carry motion, state or force.
     """
     locate(raw, hubs, arms, body, motion)
-    wheel_forces(ground, grid, table, wheel_constants, motion, state, result, dt)
-    return belly_wrench(ground, grid, belly_points, body, belly_constants, wrench)
+    wheel_forces(ground, grid, soils, ruts, tables, wheel_constants, motion, state, result, dt)
+    return belly_wrench(ground, grid, ruts, belly_points, body, belly_constants, wrench)
