@@ -297,13 +297,14 @@ def test_bulldozing_is_passive_earth_pressure_by_hand() -> None:
     a = np.linspace(-chord, chord, 20001)
     h = 0.02 - a**2 / (2 * WHEEL.radius_m)
     by_hand = np.trapezoid(2 * soil.cohesion_Pa * sqrt(kp) * h + 0.5 * soil.unit_weight_N_m3 * kp * h**2, a)
-    side, front = kernel._walls(constants, state, 0.0, -1.0)
+    side, front = kernel._walls(constants, state, -1.0)
     assert side == pytest.approx(by_hand, rel=1e-4)
     assert front == pytest.approx(
         WHEEL.width_m * (2 * soil.cohesion_Pa * sqrt(kp) * 0.02 + 0.5 * soil.unit_weight_N_m3 * kp * 0.02**2), rel=1e-6
     )
-    assert kernel._walls(constants, state, 0.0, 0.3)[1] == 0.0  # a driven wheel has it in its stress
-    assert kernel._walls(constants, state, 0.02, -1.0)[0] == 0.0  # nothing stands beside it
+    assert kernel._walls(constants, state, 0.3)[1] == 0.0  # a driven wheel has it in its stress
+    state[kernel.BESIDE] = 0.02
+    assert kernel._walls(constants, state, -1.0)[0] == 0.0  # nothing stands beside it
 
 
 def test_a_locked_wheel_is_held_by_the_soil_that_it_pushes() -> None:

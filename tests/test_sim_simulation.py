@@ -250,7 +250,7 @@ def test_soil_forces_are_finite_and_within_its_strength(
         area = wheels.state[0, kernel.CONTACT] * ROVER.wheel.width_m
         limit = soil.cohesion_Pa * area + load * np.tan(soil.friction_angle_rad)
         assert load >= 0.0
-        wall, _ = kernel._walls(wheels.constants[0], wheels.state[0], 0.0, 0.0)
+        wall, _ = kernel._walls(wheels.constants[0], wheels.state[0], 0.0)
         assert np.hypot(out[kernel.THRUST], max(abs(side) - wall, 0.0)) <= limit * (1 + 1e-9)
 
 

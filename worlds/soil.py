@@ -85,7 +85,7 @@ _TABLE = (
         "loose_sand",
         (0.99, 1528.43),
         (1.10, 0.0),
-        (1.04, 36.5, 17.0),
+        (1.04, 38.5, 18.0),
         f"{_WONG}: dry sand (LLL), friction angle and K fitted to published slip-slope curves",
         "friction_angle_rad",
         _K,

@@ -41,8 +41,8 @@ def rut_depth(ruts: Ruts, x: float, y: float) -> float:
 
 
 @njit(cache=True)
-def coming(ruts: Ruts, foot: Pair, ahead: Pair, spans: Pair, way: Pair) -> Pair:
-    """Depth (m) of the soil that comes under a wheel, and of that which its side meets.
+def coming(ruts: Ruts, foot: Pair, ahead: Pair, spans: Pair, way: Pair) -> float:
+    """Depth (m) of the soil that comes under a wheel: read ahead of it, or beside where it slides.
 
     ``foot``: the lowest point of the rim; ``ahead``: level unit vector along the wheel; ``spans``: how far ahead its
     contact reaches and its half width; ``way``: its speeds forward and to the left.
@@ -50,16 +50,24 @@ def coming(ruts: Ruts, foot: Pair, ahead: Pair, spans: Pair, way: Pair) -> Pair:
     texel = 1.0 / ruts[6]
     before = (spans[0] + texel) if way[0] >= 0.0 else -(spans[0] + texel)
     beside = (spans[1] + texel) if way[1] >= 0.0 else -(spans[1] + texel)
-    front = side = 0.0
+    front = 0.0
     for k in range(3):
         c = 0.7 * (k - 1) * spans[1]
-        a = 0.5 * (k - 1) * spans[0]
         x, y = foot[0] + before * ahead[0] - c * ahead[1], foot[1] + before * ahead[1] + c * ahead[0]
-        front += max(rut_depth(ruts, x, y), 0.0)
-        x, y = foot[0] + a * ahead[0] - beside * ahead[1], foot[1] + a * ahead[1] + beside * ahead[0]
-        side += max(rut_depth(ruts, x, y), 0.0)
+        front += max(rut_depth(ruts, x, y), 0.0) / 3.0
     share = abs(way[1]) / max(abs(way[0]) + abs(way[1]), 1e-9)
-    return ((1.0 - share) * front + share * side) / 3.0, side / 3.0
+    return (1.0 - share) * front + share * side_depth(ruts, foot, ahead, spans[0], beside)
+
+
+@njit(cache=True)
+def side_depth(ruts: Ruts, foot: Pair, ahead: Pair, reach: float, beside: float) -> float:
+    """Mean depth (m) along a line ``beside`` a wheel, to its left where positive; not below zero on piles."""
+    depth = 0.0
+    for k in range(3):
+        a = 0.5 * (k - 1) * reach
+        x, y = foot[0] + a * ahead[0] - beside * ahead[1], foot[1] + a * ahead[1] + beside * ahead[0]
+        depth += max(rut_depth(ruts, x, y), 0.0) / 3.0
+    return depth
 
 
 @njit(cache=True)

@@ -20,7 +20,7 @@ from math import atan2, exp, sqrt
 from numba import njit
 
 from rover_sim.sim.motion_kernels import locate
-from rover_sim.sim.rut_kernels import Ruts, coming, press_rut, rut_depth
+from rover_sim.sim.rut_kernels import Ruts, coming, press_rut, rut_depth, side_depth
 from worlds.types import ByteArray, FloatArray
 
 Triple = tuple[float, float, float]
@@ -29,7 +29,8 @@ Triple = tuple[float, float, float]
 SHEAR_X, SHEAR_Y, SINKAGE, CONTACT, PUSHED, PRIOR = 0, 1, 2, 3, 4, 5
 PRESSED_X, PRESSED_Y, PRESSED_DEPTH = 6, 7, 8  # where and how deep the wheel last pressed its rut
 WORK_SHEAR, WORK_DRAG, WORK_NORMAL = 9, 10, 11  # J done on the soil since the start
-STATE_COLUMNS = 12
+BESIDE = 12  # depth of the soil that the side of the wheel meets
+STATE_COLUMNS = 13
 # Columns of the result: force on the wheel in the world, where it acts, and what the recorder wants.
 FORCE, POINT, NORMAL, SLIP, SLIP_ANGLE, DEPTH, DRAWBAR, THRUST, SPEED = 0, 3, 6, 7, 8, 9, 10, 11, 12
 RESULT_COLUMNS = 13
@@ -49,8 +50,9 @@ RESULT_COLUMNS = 13
     DEEPEST_RUT,
     PASSIVE_COHESION,
     PASSIVE_WEIGHT,
-) = range(14)
-CONSTANTS = 14
+    SHEAR_MODULUS,
+) = range(15)
+CONSTANTS = 15
 
 _SLIP_SPEED = 0.02  # m/s; below it a slip ratio says nothing
 _BUILD_UP = 0.002  # m of travel over which the drag of the soil builds up
@@ -216,14 +218,14 @@ def _slip_ratio(rim: float, vx: float) -> float:
 
 
 @njit(cache=True)
-def _walls(constants: FloatArray, state: FloatArray, side_depth: float, slip: float) -> tuple[float, float]:
+def _walls(constants: FloatArray, state: FloatArray, slip: float) -> tuple[float, float]:
     """Largest resistance (N) of the soil wall beside a wheel, and of that before one that skids: bulldozing.
 
     Passive earth pressure after Rankine, 2 c sqrt(K_p) + gamma h K_p at a depth h, over the segment of the wheel's side
     in the soil (a parabola), and over the width of a wheel that pushes instead of rolling. A driven wheel has its soil
     flow forward in the Wong-Reece stress already.
     """
-    height = max(state[SINKAGE] - max(side_depth, 0.0), 0.0)
+    height = max(state[SINKAGE] - state[BESIDE], 0.0)
     chord = sqrt(2.0 * constants[RADIUS] * height)
     cohesion, weight = constants[PASSIVE_COHESION], constants[PASSIVE_WEIGHT]
     side = chord * height * (4.0 / 3.0 * cohesion + 16.0 / 15.0 * weight * height)
@@ -239,7 +241,6 @@ def _traction(
     state: FloatArray,
     normal: float,
     speeds: Triple,
-    side_depth: float,
     dt: float,
 ) -> Triple:
     """Thrust forward and left, and drag (N), of a wheel under load; advances its state.
@@ -257,15 +258,17 @@ def _traction(
     stretch = max(size / length, _PROBE_SLIP)
     spring = normal * max(steady(table, constants, rut, normal, stretch)[0] - thrust0, 0.0) / (stretch * length)
     damping = min(constants[SHEAR_DAMPING] * sqrt(spring), _SPIN_DAMPING * constants[SPIN_MASS] / dt)
-    wall, front = _walls(constants, state, side_depth, _slip_ratio(speeds[0], speeds[1]))
+    wall, front = _walls(constants, state, _slip_ratio(speeds[0], speeds[1]))
     drag = _drag(constants, state, normal * resistance + front, speeds[1], dt)
     # A wheel that rolls freely is sheared forward a little; that part comes and goes with the drag, which outweighs it.
     force_x = gain * state[SHEAR_X] + damping * rate_x + normal * thrust0 * state[PUSHED] / _BUILD_UP
     force_y = gain * state[SHEAR_Y] + damping * rate_y
     limit = constants[COHESION] * constants[WIDTH] * length + normal * constants[TAN_PHI]
     share = min(1.0, limit / max(sqrt(force_x * force_x + force_y * force_y), 1e-12))
-    # The wall beside the wheel is another body of soil: its resistance comes on top of the shear under the wheel.
-    wall *= max(-1.0, min(1.0, state[SHEAR_Y] / _BUILD_UP))
+    # The wall beside the wheel is another body of soil: its resistance comes on top of the shear under the wheel, and
+    # builds up as the wedge behind it is sheared.
+    wall *= 1.0 - exp(-abs(state[SHEAR_Y]) / constants[SHEAR_MODULUS])
+    wall = wall if state[SHEAR_Y] > 0.0 else -wall
     return share * force_x, share * force_y + wall, drag
 
 
@@ -279,19 +282,23 @@ def _meet(
     speeds: Triple,
     load: float,
     dt: float,
-) -> float:
-    """Tell a wheel how deep the soil is that it meets; the depth beside it (m)."""
+) -> None:
+    """Tell a wheel how deep the soil is that comes under it, and on the side that it leans against."""
     if ruts[0].shape[0] == 0:
-        return 0.0
+        return
     if load <= 0.0:  # in the air: it will land on what is under it
-        under = max(rut_depth(ruts, foot[0], foot[1]), 0.0)
-        own[PRIOR] = under
-        return under
+        own[PRIOR] = own[BESIDE] = max(rut_depth(ruts, foot[0], foot[1]), 0.0)
+        return
     reach = sqrt(2.0 * constants[RADIUS] * max(own[SINKAGE] - own[PRIOR], 0.0))
-    depth, side = coming(ruts, foot, ahead, (reach, 0.5 * constants[WIDTH]), (speeds[1], speeds[2]))
+    half = 0.5 * constants[WIDTH]
+    depth = coming(ruts, foot, ahead, (reach, half), (speeds[1], speeds[2]))
+    beside = half + 1.0 / ruts[6]
+    wall = side_depth(ruts, foot, ahead, reach, beside if own[SHEAR_Y] < 0.0 else -beside)
+    # Over the way made: a wheel that rocks on the spot must not gain by what it reads now here and now there.
     way = dt * (abs(speeds[1]) + abs(speeds[2]))
-    own[PRIOR] += (depth - own[PRIOR]) * (1.0 - exp(-way / max(own[CONTACT], 1.0 / ruts[6])))
-    return side
+    renewal = 1.0 - exp(-way / max(own[CONTACT], 1.0 / ruts[6]))
+    own[PRIOR] += (depth - own[PRIOR]) * renewal
+    own[BESIDE] += (wall - own[BESIDE]) * renewal
 
 
 @njit(cache=True)
@@ -341,9 +348,9 @@ def wheel_forces(
 ) -> None:
     """Advance the soil under every wheel by ``dt`` and write the forces on the wheels.
 
-    ``soils`` (ny, nx) says which of ``tables`` (S, ruts, loads, slips, 4) and ``constants`` (S, 14) holds where, or is
+    ``soils`` (ny, nx) says which of ``tables`` (S, ruts, loads, slips, 4) and ``constants`` (S, 15) holds where, or is
     (1, 1) where one does everywhere. ``motion`` (n, 13): hub position, hub velocity, unit axle (left), carrier rate
-    (all world), rotation rate of the wheel about its axle. ``state`` (n, 12) is updated, ``result`` (n, 13) written;
+    (all world), rotation rate of the wheel about its axle. ``state`` (n, 13) is updated, ``result`` (n, 13) written;
     columns as named above.
     """
     for i in range(motion.shape[0]):
@@ -365,10 +372,10 @@ def wheel_forces(
             load = max(of[STIFFNESS] * elastic - of[DAMPING] * onset * rise, 0.0)
         level = _unit(ahead[0], ahead[1], 0.0)
         foot, way = (hub[0] - radius * spoke[0], hub[1] - radius * spoke[1]), (level[0], level[1])
-        side_depth = _meet(ruts, of, own, foot, way, (rim, vx, vy), load, dt)
+        _meet(ruts, of, own, foot, way, (rim, vx, vy), load, dt)
         thrust = side = drag = 0.0
         if load > 0.0:
-            thrust, side, drag = _traction(table, of, own, load, (rim, vx, vy), side_depth, dt)
+            thrust, side, drag = _traction(table, of, own, load, (rim, vx, vy), dt)
             _leave(ruts, of, own, foot, way, (rim, vx, vy))
         else:
             own[SHEAR_X] = own[SHEAR_Y] = own[PUSHED] = 0.0

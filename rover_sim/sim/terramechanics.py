@@ -138,6 +138,7 @@ def _constants(soil: Soil, rover: RoverModel, table: WheelTable, gravity_m_s2: f
     constants[kernel.TAN_PHI] = tan(soil.friction_angle_rad)
     constants[kernel.LOAD_STEP] = table.load_step
     constants[kernel.SETTLING] = _SETTLING_RATE_1_s
+    constants[kernel.SHEAR_MODULUS] = soil.shear_modulus_m
     constants[kernel.DEEPEST_RUT] = table.deepest_rut_m
     passive = tan(0.25 * pi + 0.5 * soil.friction_angle_rad) ** 2  # Rankine's K_p
     constants[kernel.PASSIVE_COHESION] = 2.0 * soil.cohesion_Pa * sqrt(passive)
