@@ -50,7 +50,7 @@ def test_simulated_rover_agrees_with_the_reference(name: str, gravity: float, sl
     row = next(row for row in TABLE if (row.soil, row.gravity_m_s2) == (name, gravity))
     expected = row.slips[SLOPES_DEG.index(slope_deg)]
     setup = Setup(name, gravity, "reference", 0.0, 0.2)
-    slip = travel_slip(slope_drive(reference_rover(), setup, "up", slope_deg, reference_soil(name))[1])
+    slip = travel_slip(slope_drive(reference_rover(), setup, "up", slope_deg, reference_soil(name), ruts=False)[1])
     if expected is None:
         assert slip > STALL_SLIP
     else:

@@ -91,13 +91,15 @@ def loaded(rover: RoverModel, load_kg: float) -> RoverModel:
     return msgspec.structs.replace(rover, chassis=heavier)
 
 
-def plane_world(soil: Soil, gravity_m_s2: float, slope_deg: float, azimuth_deg: float, size_m: float) -> World:
+def plane_world(
+    soil: Soil, gravity_m_s2: float, slope_deg: float, azimuth_deg: float, size_m: float, *, ruts: bool = True
+) -> World:
     """A plane that rises toward ``azimuth_deg``; the rover stands in the middle of it and heads east."""
     half = 0.5 * size_m
     axis = np.linspace(-half, half, round(size_m / _CELL_M) + 1)
     rise = cos(radians(azimuth_deg)) * axis[None, :] + sin(radians(azimuth_deg)) * axis[:, None]
     ground = HeightField(rise * tan(radians(slope_deg)), float(axis[1] - axis[0]), (-half, -half))
-    scenario = Scenario(name="slope", gravity_m_s2=gravity_m_s2, soil=SoilChoice(preset=soil.name))
+    scenario = Scenario(name="slope", gravity_m_s2=gravity_m_s2, soil=SoilChoice(preset=soil.name, ruts=ruts))
     start = Pose(np.zeros(3), quaternion_from_euler(0.0, 0.0, 0.0))
     shapes = SolidShapes(NO_ROCKS, (), ground)
     return World(scenario, 0, ground, NO_ROCKS, (), shapes, soil, start, (half, 0.0, 0.0))
@@ -163,11 +165,16 @@ def slope_drive(
     slope_deg: float,
     soil: Soil,
     time_step_s: float = TIME_STEP_S,
+    *,
+    ruts: bool = True,
 ) -> tuple[Stretch, Stretch]:
-    """Run-in and measured stretch of a drive on a plane; the rover and the soil need not be files."""
+    """Run-in and measured stretch of a drive on a plane; the rover and the soil need not be files.
+
+    Without ``ruts`` every wheel meets virgin soil, as in the theory of a single wheel.
+    """
     azimuth_deg = _AZIMUTH_DEG[direction]
     half = (_RUN_IN + 2.0) * rover.wheelbase_m + _MARGIN_M + _slide_m(setup.gravity_m_s2, slope_deg)
-    world = plane_world(soil, setup.gravity_m_s2, slope_deg, azimuth_deg, 2.0 * half)
+    world = plane_world(soil, setup.gravity_m_s2, slope_deg, azimuth_deg, 2.0 * half, ruts=ruts)
     speeds = [setup.speed_m_s / rover.wheel_shape().shear_radius_m] * len(rover.wheel.positions_m)
     wheelbase_s = rover.wheelbase_m / setup.speed_m_s
     with Simulation(world, rover, np.random.default_rng(0), time_step_s=time_step_s) as simulation:
