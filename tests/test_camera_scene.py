@@ -1,13 +1,14 @@
-"""Tiles, blocks and what is left out of a frame."""
+"""Tiles, things on the ground and what is left out of a frame."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from rover_sim.sim.raster_scene import STRIDES, View, make_apron, make_blocks, make_tiles
+from rover_sim.sim.raster_scene import STRIDES, View, make_apron, make_tiles
 from rover_sim.sim.rasteriser import Rasteriser
-from tests.camera_factory import field, lens, look, merge, world
+from rover_sim.sim.stone_store import StoneStore
+from tests.camera_factory import field, lens, look, world
 from worlds.geometry import rotation_from_quaternion
 from worlds.types import FloatArray, HeightField
 
@@ -58,23 +59,52 @@ def test_tiles_behind_the_camera_are_left_out() -> None:
     assert (tiles[:, 1] * 0.1 - 10.0 + 1.6 + 2.27 >= 3.0).all()
 
 
-def test_blocks_hold_each_rock_three_times_and_the_apron() -> None:
-    blocks = make_blocks(world(rocks=[(3.0, 0.0, 0.3, 0.2), (-4.0, 1.0, 0.5, 0.4)]))
-    assert blocks.owner.tolist() == [1, 2]
-    assert len(blocks.ranges) == 7
-    assert blocks.centre_w[:, :2].tolist() == [[3.0, 0.0], [-4.0, 1.0]]
-    for first, last, first_face, last_face in blocks.ranges:
-        used = blocks.faces[first_face:last_face]
-        assert used.min() == first
-        assert used.max() == last - 1
+def test_things_are_made_when_the_camera_comes_near() -> None:
+    store = StoneStore(world(rocks=[(3.0, 0.0, 0.3, 0.2), (-40.0, 1.0, 0.5, 0.4)], ground=field(90.0, 0.5)).shapes)
+    assert store.owner.tolist() == [1, 2]
+    assert store.centre_w[:, :2].tolist() == [[3.0, 0.0], [-40.0, 1.0]]
+    assert len(store.faces) == 0
+    assert len(store.choose(ahead())) == 1
+    assert {int(block) for block in store.face_block} == {0, 1}  # the other one is behind the camera, but not far
+    before = store.faces.copy()
+    assert store.choose(ahead(3.9)).shape == (0, 4)
+    np.testing.assert_array_equal(store.faces, before)
+    store.choose(ahead(-38.0))
+    assert len(store.faces) > len(before)
+    np.testing.assert_array_equal(store.faces[: len(before)], before)
+
+
+def test_a_chosen_range_holds_one_thing_and_its_own_vertices() -> None:
+    store = StoneStore(world(rocks=[(3.0, 0.0, 0.3, 0.2), (4.0, 1.0, 0.5, 0.4), (8.0, 0.5, 0.1, 0.1)]).shapes)
+    chosen = store.choose(ahead())
+    assert len(chosen) == 3
+    for place, (first, last, first_face, last_face) in enumerate(chosen):
+        used = store.faces[first_face:last_face]
+        assert (used.min(), used.max()) == (first, last - 1)
+        assert (store.face_block[first_face:last_face] == place).all()
+        corners = store.vertices_w[used]
+        normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+        np.testing.assert_allclose(store.normals[first_face:last_face], normal, atol=1e-6)
+
+
+def test_a_full_store_forgets_and_draws_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    made = world(rocks=[(3.0, 0.0, 0.3, 0.2), (9.0, 1.0, 0.5, 0.4)])
+    camera = lens(64, 48, pitch_deg=10.0)
+    fresh = Rasteriser(made).render(camera, look(camera, 6.0, 0.0, 1.0))
+    monkeypatch.setattr("rover_sim.sim.stone_store.MOST_FACES", 0)
+    used = Rasteriser(made)
+    used.render(camera, look(camera, 0.0, 0.0, 1.0))
+    again = used.render(camera, look(camera, 6.0, 0.0, 1.0))
+    for name in ("image", "depth_m", "ids"):
+        np.testing.assert_array_equal(getattr(again, name), getattr(fresh, name))
 
 
 def test_far_rocks_are_drawn_with_fewer_faces_and_the_smallest_not_at_all() -> None:
-    blocks = make_blocks(world(rocks=[(2.0, 0.0, 0.3, 0.2), (9.0, 0.0, 0.1, 0.1), (9.5, 1.0, 0.02, 0.02)]))
+    store = StoneStore(world(rocks=[(2.0, 0.0, 0.3, 0.2), (9.0, 0.0, 0.1, 0.1), (9.5, 1.0, 0.02, 0.02)]).shapes)
 
     def faces(x: float) -> list[int]:
-        chosen = blocks.choose(ahead(x))[:-1]
-        return [int(last - first) for _, _, first, last in chosen]
+        return [int(last - first) for _, _, first, last in store.choose(ahead(x))]
 
     fine, coarse, octahedron = 24 + 2 * 24 * 6 + 24, 12 + 2 * 12 * 3 + 12, 8
     assert faces(0.0) == [fine, coarse, coarse]
@@ -82,10 +112,24 @@ def test_far_rocks_are_drawn_with_fewer_faces_and_the_smallest_not_at_all() -> N
     assert faces(-200.0) == [octahedron]
 
 
-def test_a_world_without_rocks_has_an_apron_only() -> None:
-    blocks = make_blocks(world())
-    assert blocks.choose(ahead()).shape == (1, 4)
-    assert merge([]).faces.shape == (0, 3)
+def test_a_world_without_rocks_has_nothing_to_choose() -> None:
+    assert StoneStore(world().shapes).choose(ahead()).shape == (0, 4)
+
+
+def test_a_large_world_has_the_shadows_around_the_camera() -> None:
+    # A post of 2 m, the sun 30 degrees high in the west: its shadow is 3.46 m long, wherever the camera has been.
+    def brightness(x: float, visited: float | None = None) -> tuple[float, float]:
+        renderer = Rasteriser(world(field(240.0, 0.5), cylinders=[(x, 0.0, 0.5, 2.0)], sun=(180.0, 30.0)))
+        camera = lens(120, 120, pitch_deg=90.0)
+        if visited is not None:
+            renderer.render(camera, look(camera, visited, 0.0, 5.0))
+        image = renderer.render(camera, look(camera, x + 4.0, 0.0, 5.0)).image.astype(float).mean(axis=2)
+        # Looking down, the top of the picture is where the camera heads, east.
+        row = round(60 + 2.0 / 5.0 * camera.focal_px)
+        return float(image[row, 55:65].mean()), float(image[20, 55:65].mean())
+
+    for shade, light in (brightness(0.0), brightness(90.0), brightness(90.0, visited=-100.0)):
+        assert shade < 0.75 * light
 
 
 def test_the_apron_faces_up_and_starts_at_the_edge() -> None:

@@ -7,10 +7,11 @@ green, blue about 165, 140, 98; rocks darker and greyer; NASA/JPL-Caltech/MSSS).
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
-from rover_sim.sim.raster_scene import Blocks
-from rover_sim.sim.shade_types import Light, Stones
+from rover_sim.sim.shade_types import Light
 from worlds.scenario import Sun
+from worlds.types import FloatArray, IntArray
 
 SAND = np.array([176.0, 144.0, 101.0])  # level sand in full light
 PEBBLE = np.array([138.0, 121.0, 97.0])
@@ -57,13 +58,11 @@ def _colour(values: np.ndarray[tuple[int], np.dtype[np.float64]]) -> tuple[float
     return red, green, blue
 
 
-def make_stones(blocks: Blocks, cylinders: frozenset[int], rng: np.random.Generator) -> Stones:
-    """Normals of the faces, and colour, dust, place in the texture and roughness of each rock."""
-    corner = blocks.vertices_w[blocks.faces]
-    normal = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
-    length = np.linalg.norm(normal, axis=1, keepdims=True)
-    normal = np.divide(normal, length, out=np.tile([0.0, 0.0, 1.0], (len(normal), 1)), where=length > 0)
-    n = len(blocks.owner)
+def draw_looks(
+    owner: IntArray, radius_m: FloatArray, cylinders: frozenset[int], rng: np.random.Generator
+) -> NDArray[np.float32]:
+    """Colour, dust, place in the texture, roughness and width (N, 9) of each rock and cylinder."""
+    n = len(owner)
     look = np.zeros((n, 9), dtype=np.float32)
     kind = rng.choice(len(KINDS), n, p=[share for share, _, _ in KINDS])
     brightness = np.exp(np.array([spread for _, _, spread in KINDS])[kind] * rng.standard_normal(n))
@@ -71,7 +70,7 @@ def make_stones(blocks: Blocks, cylinders: frozenset[int], rng: np.random.Genera
     look[:, 3] = rng.uniform(0.05, 0.55, n)
     look[:, 4:7] = rng.uniform(0.0, 10.0, (n, 3))
     look[:, 7] = rng.uniform(0.7, 1.3, n)
-    look[:, 8] = 2 * blocks.radius_m
-    painted = np.isin(blocks.owner, list(cylinders))
+    look[:, 8] = 2 * radius_m
+    painted = np.isin(owner, list(cylinders))
     look[painted, :8] = (*CYLINDER_COLOUR, 0.0, 0.0, 0.0, 0.0, 0.15)
-    return Stones(normal.astype(np.float32), blocks.face_block, look)
+    return look

@@ -1,9 +1,8 @@
-"""What is drawn and what is left out: tiles of the ground with levels of detail, rocks as blocks of a mesh.
+"""What of the ground is drawn: tiles with levels of detail, and the apron around the map.
 
 Ground tiles come in strides of 1, 2, 4 ... samples. A tile is drawn with the coarsest stride whose height error
 stays under half a pixel from where the camera is (geometrical mipmapping: de Boer, "Fast terrain rendering using
-geometrical mipmapping", 2000). Rocks are drawn with the picture mesh near by and with the coarser collision mesh
-where they are a few pixels large.
+geometrical mipmapping", 2000).
 """
 
 from __future__ import annotations
@@ -13,14 +12,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rover_sim.sim.raster_kernels import GROUND_TAG, NEAR, TILE_CELLS
-from worlds.types import BoolArray, FloatArray, HeightField, IntArray, TriangleMesh, World
+from rover_sim.sim.raster_kernels import NEAR, TILE_CELLS
+from worlds.types import BoolArray, FloatArray, HeightField, IntArray, TriangleMesh
 
 STRIDES = (1, 2, 4, 8, 16, 32)
+BAND_TILES = 4  # rows of tiles that are worked out at a time
 TOLERANCE_PX = 0.5  # height error of a coarse tile on the screen
-COARSE_BELOW_PX = 12.0  # rocks narrower than this are drawn with the coarse mesh
-OCTAHEDRON_BELOW_PX = 2.5  # those narrower than this as octahedra
-INVISIBLE_BELOW_PX = 0.35  # and those narrower than this not at all
 APRON_M = (4.0, 300.0)  # widths of two rings of ground around the map, so that the world does not end in a cliff
 APRON_STEP = 16  # the outer ring has a vertex for so many of the map's edge
 
@@ -81,17 +78,27 @@ def make_tiles(ground: HeightField) -> Tiles:
     rows, columns = np.arange(0, ny - 1, TILE_CELLS), np.arange(0, nx - 1, TILE_CELLS)
     corner = np.stack(np.meshgrid(rows, columns, indexing="ij"), axis=-1).reshape(-1, 2)
     last = np.minimum(corner + TILE_CELLS, [ny - 1, nx - 1])
-    low, high = (_tile_extreme(ground.heights_m, which) for which in (np.minimum, np.maximum))
+    bands = [_band_of_tiles(ground.heights_m, first) for first in range(0, ny - 1, BAND_TILES * TILE_CELLS)]
+    low, high, error = (np.concatenate(parts) for parts in zip(*bands, strict=True))
     x0, y0 = ground.origin_m
     lower = np.column_stack([x0 + ground.resolution_m * corner[:, 1], y0 + ground.resolution_m * corner[:, 0], low])
     upper = np.column_stack([x0 + ground.resolution_m * last[:, 1], y0 + ground.resolution_m * last[:, 0], high])
-    error = np.column_stack([_tile_extreme(_stride_error(ground.heights_m, s), np.maximum) for s in STRIDES])
     return Tiles(
         corner=corner.astype(np.int32),
         centre_w=(lower + upper) / 2,
         radius_m=np.linalg.norm(upper - lower, axis=1) / 2,
         error_m=np.maximum.accumulate(error, axis=1),
     )
+
+
+def _band_of_tiles(heights_m: FloatArray, first_row: int) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Lowest (T,) and highest (T,) heights and errors (T, len(STRIDES)) of the tiles of some rows, to save memory."""
+    last_row = min(first_row + BAND_TILES * TILE_CELLS, heights_m.shape[0] - 1)
+    # The error at a tile's far edge is that of the next tile too.
+    around = heights_m[first_row : last_row + TILE_CELLS + 1]
+    band = heights_m[first_row : last_row + 1]
+    error = [_tile_extreme(_stride_error(around, stride)[: len(band)], np.maximum) for stride in STRIDES]
+    return _tile_extreme(band, np.minimum), _tile_extreme(band, np.maximum), np.column_stack(error)
 
 
 def _tile_extreme(values: FloatArray, which: np.ufunc) -> FloatArray:
@@ -123,108 +130,6 @@ def _brackets(size: int, stride: int) -> tuple[IntArray, IntArray, FloatArray]:
     after = np.minimum(before + stride, size - 1)
     share = (index - before) / np.maximum(after - before, 1)
     return before.astype(np.int32), after.astype(np.int32), share
-
-
-@dataclass(frozen=True, eq=False)
-class Blocks:
-    """Rocks, cylinders and the apron as blocks of one mesh.
-
-    Each rock is there three times: the first ``count`` blocks are the rocks as the picture mesh has them, the next
-    ``count`` the same rocks coarse, then as octahedra; the last block is the apron.
-    """
-
-    vertices_w: FloatArray  # (V, 3)
-    faces: IntArray  # (F, 3)
-    ranges: IntArray  # (3 * count + 1, 4) first and past-last vertex and face
-    owner: IntArray  # (count,) rock or cylinder id of a block
-    face_block: IntArray  # (F,) 0..count-1
-    centre_w: FloatArray  # (count, 3) of the bounding sphere
-    radius_m: FloatArray  # (count,)
-    apron_face: int  # the first face of the apron
-
-    def choose(self, view: View) -> IntArray:
-        """Ranges (K, 4) of the blocks to draw, the apron always."""
-        distance = np.linalg.norm(self.centre_w - view.eye_w, axis=1) - self.radius_m
-        width_px = 2 * self.radius_m * view.focal_px / np.maximum(distance, NEAR)
-        seen = np.flatnonzero(view.sees(self.centre_w, self.radius_m) & (width_px >= INVISIBLE_BELOW_PX))
-        step = (width_px[seen] < COARSE_BELOW_PX).astype(int) + (width_px[seen] < OCTAHEDRON_BELOW_PX)
-        block = seen + step * len(self.owner)
-        return np.asarray(self.ranges[np.append(block, len(self.ranges) - 1)])
-
-    def ids(self, tags: IntArray) -> IntArray:
-        """Owner ids of a tag buffer; sky and ground stay what they are."""
-        ids = tags.copy()
-        stone = tags > GROUND_TAG
-        ids[stone] = self.owner[self.face_block[tags[stone] - 1]]
-        return ids
-
-    def all_fine(self) -> IntArray:
-        """Ranges of every rock as in the picture mesh, and no apron."""
-        return self.ranges[: len(self.owner)]
-
-
-def make_blocks(world: World) -> Blocks:
-    """Sort the meshes of a world by owner and add the apron."""
-    fine, fine_ranges, owner = _by_owner(world.picture_mesh)
-    coarse, coarse_ranges, coarse_owner = _by_owner(world.collision_mesh)
-    if not np.array_equal(owner, coarse_owner):
-        # A rock without a coarse form is drawn fine at every distance.
-        coarse, coarse_ranges = fine, fine_ranges
-    lower, upper = _bounds(fine, fine_ranges)
-    tiny, tiny_ranges = _octahedra(lower, upper, owner)
-    apron = make_apron(world.ground)
-    parts = (fine, coarse, tiny, apron)
-    ranges = (fine_ranges, coarse_ranges, tiny_ranges, np.array([[0, len(apron.vertices_m), 0, len(apron.faces)]]))
-    shifts = np.cumsum([(0, 0)] + [(len(part.vertices_m), len(part.faces)) for part in parts[:-1]], axis=0)
-    faces = np.concatenate([part.faces + shift[0] for part, shift in zip(parts, shifts, strict=True)])
-    shifted = np.concatenate([r + shift[[0, 0, 1, 1]] for r, shift in zip(ranges, shifts, strict=True)])
-    return Blocks(
-        vertices_w=np.concatenate([part.vertices_m for part in parts]),
-        faces=np.ascontiguousarray(faces, dtype=np.int32),
-        ranges=np.ascontiguousarray(shifted, dtype=np.int32),
-        owner=owner,
-        face_block=np.concatenate([np.searchsorted(owner, part.owner) for part in parts]).astype(np.int32),
-        centre_w=(lower + upper) / 2,
-        radius_m=np.linalg.norm(upper - lower, axis=1) / 2,
-        apron_face=int(shifts[-1, 1]),
-    )
-
-
-def _bounds(mesh: TriangleMesh, ranges: IntArray) -> tuple[FloatArray, FloatArray]:
-    """Lower and upper corner (N, 3) of each block's bounding box."""
-    if len(ranges) == 0:
-        return np.zeros((0, 3)), np.zeros((0, 3))
-    low, high = (which.reduceat(mesh.vertices_m, ranges[:, 0], axis=0) for which in (np.minimum, np.maximum))
-    return low, high
-
-
-def _octahedra(lower: FloatArray, upper: FloatArray, owner: IntArray) -> tuple[TriangleMesh, IntArray]:
-    """One octahedron a bounding box, as large on the screen as the ellipsoid in that box; and their ranges."""
-    # A rhombus in an ellipse covers 2 / pi of it.
-    half = (upper - lower) / 2 * np.sqrt(np.pi / 2)
-    tips = np.concatenate([np.eye(3), -np.eye(3)])
-    vertices = ((lower + upper)[:, None] / 2 + tips * half[:, None]).reshape(-1, 3)
-    upper_faces = np.array([[0, 1, 2], [1, 3, 2], [3, 4, 2], [4, 0, 2]])
-    lower_faces = np.array([[1, 0, 5], [3, 1, 5], [4, 3, 5], [0, 4, 5]])
-    block = np.arange(len(owner))
-    faces = np.concatenate([upper_faces, lower_faces]) + 6 * block[:, None, None]
-    mesh = TriangleMesh(vertices, faces.reshape(-1, 3).astype(np.int32), np.repeat(owner, 8))
-    return mesh, np.column_stack([6 * block, 6 * block + 6, 8 * block, 8 * block + 8]).astype(np.int32)
-
-
-def _by_owner(mesh: TriangleMesh) -> tuple[TriangleMesh, IntArray, IntArray]:
-    """The mesh sorted so that each owner has a run of vertices and one of faces; the runs (N, 4); the owners (N,)."""
-    owner, block, counts = np.unique(mesh.owner, return_inverse=True, return_counts=True)
-    order = np.argsort(block, kind="stable")
-    # A vertex that two owners share becomes two.
-    pair = block[order, None].astype(np.int64) * max(len(mesh.vertices_m), 1) + mesh.faces[order]
-    used, corner = np.unique(pair, return_inverse=True)
-    vertex_block, vertex = np.divmod(used, max(len(mesh.vertices_m), 1))
-    vertex_ends = np.searchsorted(vertex_block, np.arange(len(owner)), side="right")
-    face_ends = np.cumsum(counts)
-    ranges = np.column_stack([np.append(0, vertex_ends)[:-1], vertex_ends, np.append(0, face_ends)[:-1], face_ends])
-    sorted_mesh = TriangleMesh(mesh.vertices_m[vertex], corner.reshape(-1, 3).astype(np.int32), mesh.owner[order])
-    return sorted_mesh, ranges, owner.astype(np.int32)
 
 
 def ground_plane(ground: HeightField) -> tuple[float, float, float]:

@@ -9,15 +9,17 @@ import numpy as np
 
 from rover_sim.sim import raster_kernels as raster
 from rover_sim.sim import shade_kernels as shading
-from rover_sim.sim.appearance import make_light, make_stones
-from rover_sim.sim.raster_scene import View, ground_plane, make_blocks, make_tiles
+from rover_sim.sim.appearance import draw_looks, make_light
+from rover_sim.sim.raster_scene import View, ground_plane, make_apron, make_tiles
 from rover_sim.sim.renderer import RenderedImage, check_camera, pose_rotation
-from rover_sim.sim.shade_types import Lens, Surface
-from rover_sim.sim.shadow_map import BIAS_TEXELS, make_shadow_map
+from rover_sim.sim.shade_types import Lens, Stones, Surface
+from rover_sim.sim.shadow_map import BIAS_TEXELS, SunShadows
+from rover_sim.sim.stone_store import StoneStore
 from rover_sim.sim.textures import drift_texture, ground_texture, rock_texture
 from worlds.types import CameraModel, FloatArray, HeightField, IntArray, Pose, World
 
 PEBBLE_COVER = (0.8, 0.10)  # pebbles cover this many times the rocks' share of area, at most so much
+BAND_ROWS = 256  # of the ground are worked out at a time
 
 
 class Rasteriser:
@@ -29,8 +31,10 @@ class Rasteriser:
         self._fine, self._drift = ground_texture(cover, rng), drift_texture(rng)
         self._solid = rock_texture(rng)
         self._light = make_light(world.scenario.sun)
-        self._blocks = make_blocks(world)
-        self._stones = make_stones(self._blocks, frozenset(c.id for c in world.cylinders), rng)
+        self._store = StoneStore(world.shapes)
+        cylinders = frozenset(cylinder.id for cylinder in world.cylinders)
+        self._look = draw_looks(self._store.owner, self._store.radius_m, cylinders, rng)
+        self._apron = make_apron(world.ground)
         self._set_ground(world.ground)
 
     def _set_ground(self, ground: HeightField) -> None:
@@ -40,7 +44,7 @@ class Rasteriser:
         self._grid = (*ground.origin_m, ground.resolution_m)
         self._tiles = make_tiles(ground)
         self._surface = make_surface(ground)
-        self._shadow = make_shadow_map(ground, self._blocks, self._light.to_sun_w)
+        self._shadows = SunShadows(ground, self._tiles, self._store, self._light.to_sun_w)
 
     def update_ground(self, heights_m: FloatArray) -> None:
         """Take new heights (ny, nx), m, of the same grid; slopes, tiles and shadows follow, rocks stay where they are.
@@ -64,6 +68,7 @@ class Rasteriser:
         keys = np.zeros((camera.height_px, camera.width_px), dtype=np.float32)
         tags = np.full(keys.shape, raster.EMPTY_TAG, dtype=np.int32)
         self._draw(view, keys, tags)
+        shadow = self._shadows.around(view.eye_w)
         raw = np.empty((*keys.shape, 3), dtype=np.uint8)
         image = np.empty_like(raw)
         shading.shade(
@@ -73,32 +78,39 @@ class Rasteriser:
             self._surface,
             self._fine,
             self._drift,
-            self._stones,
+            Stones(self._store.normals, self._store.face_block, self._look),
             self._solid,
-            self._shadow,
-            BIAS_TEXELS / self._shadow.matrix[0, 0],
+            shadow,
+            BIAS_TEXELS / shadow.matrix[0, 0],
             self._light,
             raw,
         )
         shading.soften_outlines(raw, tags, image)
         depth = np.full(keys.shape, np.inf, dtype=np.float32)
         np.divide(np.float32(1.0), keys, out=depth, where=keys > 0)
-        return RenderedImage(image, depth, self._blocks.ids(tags))
+        return RenderedImage(image, depth, self._store.ids(tags))
 
     def _draw(self, view: View, keys: raster.KeyArray, tags: IntArray) -> None:
         """Fill the key and tag buffers."""
         matrix = view.matrix()
         tiles, drops = self._tiles.choose(view)
-        blocks = self._blocks
         raster.draw_tiles(self._heights, self._grid, tiles, drops, matrix, keys, tags)
-        raster.draw_blocks(
-            blocks.vertices_w, blocks.faces, blocks.choose(view), blocks.apron_face, 1.0, matrix, keys, tags
-        )
+        ranges = self._store.choose(view)
+        faces = self._store.faces
+        raster.draw_blocks(self._store.vertices_w, faces, ranges, len(faces), 1.0, matrix, keys, tags)
+        apron = self._apron
+        whole = np.array([[0, len(apron.vertices_m), 0, len(apron.faces)]], dtype=np.int32)
+        raster.draw_blocks(apron.vertices_m, apron.faces, whole, 0, 1.0, matrix, keys, tags)
 
 
 def make_surface(ground: HeightField) -> Surface:
     """Slopes by central differences, and those of the mean plane for what lies beyond the edge."""
-    dy, dx = np.gradient(ground.heights_m, ground.resolution_m)
+    ny, nx = ground.heights_m.shape
+    slopes = np.empty((ny, nx, 2), dtype=np.float32)
+    for first in range(0, ny, BAND_ROWS):  # to save memory
+        last, before = min(first + BAND_ROWS, ny), max(first - 1, 0)
+        dy, dx = np.gradient(ground.heights_m[before : last + 1], ground.resolution_m)
+        own = slice(first - before, last - before)
+        slopes[first:last, :, 0], slopes[first:last, :, 1] = dx[own], dy[own]
     beyond_x, beyond_y, _ = ground_plane(ground)
-    slopes = np.stack([dx, dy], axis=-1).astype(np.float32)
     return Surface(slopes, *ground.origin_m, ground.resolution_m, beyond_x, beyond_y)

@@ -1,55 +1,91 @@
-"""Sun shadows: one map of the whole world, laid on a level plane.
+"""Sun shadows: a map of the world, of a large one the part around the camera, laid on a level plane.
 
 The usual map looks from the sun and wastes texels on a square around a slanted world. Here each texel is the ray of
 the sun through one small square of a level plane: the projection is a shear, the texels lie along the world's axes and
 keep their size on the ground at any height of the sun. The key is the height: of all points on a ray of the sun the
-highest is the lit one.
+highest is the lit one. What lies beyond the map counts as lit.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from rover_sim.sim.raster_kernels import TILE_CELLS, draw_blocks, draw_tiles
-from rover_sim.sim.raster_scene import Blocks
+from rover_sim.sim.raster_kernels import draw_blocks, draw_tiles
+from rover_sim.sim.raster_scene import Tiles
 from rover_sim.sim.shade_types import ShadowMap
-from worlds.types import FloatArray, HeightField, Vector3
+from rover_sim.sim.stone_store import StoneStore
+from worlds.heightfield import grid_points
+from worlds.types import FloatArray, HeightField, IntArray, Vector3
 
 MAP_PX = 4096  # at most; 67 MB, 1 cm over a world of 40 m
+WINDOW_M = 100.0  # of a larger world this much is in the map, in texels of 2.4 cm
+MOVE_M = 15.0  # the camera may be so far off the middle before the map is drawn anew
 FINEST_TEXEL_M = 0.008
 LOWEST_SUN = 0.05  # sine of the elevation below which shadows no longer grow
 BIAS_TEXELS = 1.3  # points are lifted so far off their surface before they are compared
 
 
-def make_shadow_map(ground: HeightField, blocks: Blocks, to_sun_w: Vector3) -> ShadowMap:
-    """Draw ground and rocks as the sun meets them."""
-    heights = np.ascontiguousarray(ground.heights_m, dtype=np.float64)
-    matrix, size = _frame(ground, blocks, to_sun_w)
-    keys, tags = np.zeros(size, dtype=np.float32), np.empty(size, dtype=np.int32)
-    ny, nx = heights.shape
-    corner = np.stack(np.meshgrid(np.arange(0, ny - 1, TILE_CELLS), np.arange(0, nx - 1, TILE_CELLS)), -1).reshape(
-        -1, 2
-    )
-    tiles = np.column_stack([corner, np.ones(len(corner))]).astype(np.int32)
-    draw_tiles(heights, (*ground.origin_m, ground.resolution_m), tiles, np.zeros(len(tiles)), matrix, keys, tags)
-    draw_blocks(blocks.vertices_w, blocks.faces, blocks.all_fine(), blocks.apron_face, 0.0, matrix, keys, tags)
-    return ShadowMap(keys, matrix)
+class SunShadows:
+    """The shadow map around the camera; of a map no larger than `WINDOW_M` it holds all, else it is drawn anew."""
 
+    def __init__(self, ground: HeightField, tiles: Tiles, store: StoneStore, to_sun_w: Vector3) -> None:
+        self._ground, self._tiles, self._store = ground, tiles, store
+        self._shear = np.array(to_sun_w[:2]) / max(to_sun_w[2], LOWEST_SUN)
+        self._heights = np.ascontiguousarray(ground.heights_m, dtype=np.float64)
+        self._lowest_m = float(self._heights.min())
+        self._centre: FloatArray | None = None
 
-def _frame(ground: HeightField, blocks: Blocks, to_sun_w: Vector3) -> tuple[FloatArray, tuple[int, int]]:
-    """The shear to texels and keys (4, 4), and the rows and columns that hold the world."""
-    shear = np.array(to_sun_w[:2]) / max(to_sun_w[2], LOWEST_SUN)
-    low = float(ground.heights_m.min())
-    high = max([float(ground.heights_m.max()), *(blocks.centre_w[:, 2] + blocks.radius_m)])
-    level = float(ground.heights_m.mean())
-    shift = np.abs(shear) * max(high - level, level - low)
-    first = np.array([ground.x_limits_m[0], ground.y_limits_m[0]]) - shift
-    last = np.array([ground.x_limits_m[1], ground.y_limits_m[1]]) + shift
-    texel = max(float((last - first).max()) / MAP_PX, FINEST_TEXEL_M)
-    columns, rows = (int(n) for n in np.ceil((last - first) / texel))
-    matrix = np.zeros((4, 4))
-    matrix[0, [0, 2, 3]] = np.array([1.0, -shear[0], shear[0] * level - first[0]]) / texel
-    matrix[1, [1, 2, 3]] = np.array([1.0, -shear[1], shear[1] * level - first[1]]) / texel
-    matrix[2, 3] = 1.0
-    matrix[3, 2], matrix[3, 3] = 1.0, 1.0 - low  # keys are above zero, the empty one
-    return matrix, (rows, columns)
+    def around(self, eye_w: FloatArray) -> ShadowMap:
+        """The map for a camera there."""
+        limits = np.array([self._ground.x_limits_m, self._ground.y_limits_m])
+        # Windows stay inside the map, so that one of its size never moves.
+        slack = np.maximum(limits[:, 1] - limits[:, 0] - WINDOW_M, 0.0) / 2
+        centre = np.clip(eye_w[:2], limits.mean(axis=1) - slack, limits.mean(axis=1) + slack)
+        if self._centre is None or np.abs(centre - self._centre).max() > MOVE_M:
+            self._centre = centre
+            half = np.minimum(limits[:, 1] - limits[:, 0], WINDOW_M) / 2
+            self._map = self._draw(centre - half, centre + half)
+        return self._map
+
+    def _draw(self, first_m: FloatArray, last_m: FloatArray) -> ShadowMap:
+        """Draw what casts shadows on a rectangle of ground from ``first_m`` to ``last_m``, as the sun meets it."""
+        tiles, store = self._tiles, self._store
+        matrix, size = self._frame(first_m, last_m)
+        keys, tags = np.zeros(size, dtype=np.float32), np.empty(size, dtype=np.int32)
+        chosen = self._falls_on(matrix, size, tiles.centre_w, tiles.radius_m)
+        corners = np.column_stack([tiles.corner[chosen], np.ones(len(chosen), dtype=np.int32)])
+        grid = (*self._ground.origin_m, self._ground.resolution_m)
+        draw_tiles(self._heights, grid, corners, np.zeros(len(corners)), matrix, keys, tags)
+        ranges = store.fine(self._falls_on(matrix, size, store.centre_w, store.radius_m))
+        draw_blocks(store.vertices_w, store.faces, ranges, len(store.faces), 0.0, matrix, keys, tags)
+        return ShadowMap(keys, matrix)
+
+    def _falls_on(
+        self, matrix: FloatArray, size: tuple[int, int], centre_w: FloatArray, radius_m: FloatArray
+    ) -> IntArray:
+        """Which spheres (N, 3), (N,) are drawn, at least in part, on a map of ``size`` texels."""
+        place = centre_w @ matrix[:2, :3].T + matrix[:2, 3]
+        reach = radius_m[:, None] * (1.0 + np.abs(self._shear)) * matrix[0, 0]
+        inside = (place + reach >= 0.0) & (place - reach <= np.array(size)[::-1])
+        return np.flatnonzero(inside.all(axis=1)).astype(np.int32)
+
+    def _frame(self, first_m: FloatArray, last_m: FloatArray) -> tuple[FloatArray, tuple[int, int]]:
+        """The shear to texels and keys (4, 4), and the rows and columns that hold the rectangle at all its heights."""
+        shear, store = self._shear, self._store
+        x, y = grid_points(self._ground)
+        columns, rows = (slice(*np.searchsorted(p, (a, b))) for p, a, b in zip((x, y), first_m, last_m, strict=True))
+        here = self._heights[rows, columns]
+        among = ((store.centre_w[:, :2] >= first_m) & (store.centre_w[:, :2] <= last_m)).all(axis=1)
+        low, level = float(here.min()), float(here.mean())
+        high = max(float(here.max()), float((store.centre_w[:, 2] + store.radius_m)[among].max(initial=-np.inf)))
+        shift = np.abs(shear) * max(high - level, level - low)
+        first, last = first_m - shift, last_m + shift
+        texel = max(float((last - first).max()) / MAP_PX, FINEST_TEXEL_M)
+        width, height = (int(n) for n in np.ceil((last - first) / texel))
+        matrix = np.zeros((4, 4))
+        matrix[0, [0, 2, 3]] = np.array([1.0, -shear[0], shear[0] * level - first[0]]) / texel
+        matrix[1, [1, 2, 3]] = np.array([1.0, -shear[1], shear[1] * level - first[1]]) / texel
+        matrix[2, 3] = 1.0
+        # Keys are above zero, the empty one, everywhere on the map.
+        matrix[3, 2], matrix[3, 3] = 1.0, 1.0 - self._lowest_m
+        return matrix, (height, width)
