@@ -7,9 +7,10 @@ import pytest
 
 from rover_sim.sim.bullet import pybullet
 from rover_sim.sim.heightfield_body import add_heightfield
+from rover_sim.sim.obstacle_bodies import REACH_M, ObstacleBodies, mesh_tiles
 from rover_sim.sim.obstacle_index import ObstacleIndex
-from rover_sim.sim.world import connect, mesh_tiles
-from tests.prepared_shapes import NO_MESH
+from rover_sim.sim.world import connect
+from tests.prepared_shapes import NO_MESH, PreparedShapes
 from tests.sim_factory import box_mesh
 from worlds.errors import InputError
 from worlds.heightfield import height_at
@@ -70,3 +71,65 @@ def test_contacts_are_given_to_the_nearest_obstacle() -> None:
     assert index.nearest((1.19, 0.1, 0.1)) == 3
     assert index.nearest((50.0, 0.0, 0.0)) == 0
     assert ObstacleIndex(NO_MESH).nearest((0.0, 0.0, 0.0)) == 0
+
+
+def cubes(places: list[tuple[float, float]]) -> PreparedShapes:
+    """A cube of 0.4 m at each place, ids from 1."""
+    return PreparedShapes(
+        _joined(*(box_mesh((x - 0.2, y - 0.2, 0), (x + 0.2, y + 0.2, 0.4), k) for k, (x, y) in enumerate(places, 1)))
+    )
+
+
+def hit(client: int, x: float, y: float) -> bool:
+    return bool(pybullet.rayTest([x, y, 5.0], [x, y, -5.0], physicsClientId=client)[0][0] >= 0)
+
+
+def test_few_obstacles_are_all_there_from_the_start(client: int) -> None:
+    bodies = ObstacleBodies(client, cubes([(0.0, 0.0), (300.0, 0.0)]))
+    assert (bodies.any, bodies.bodies) == (True, ())
+    bodies.follow(0.0, 0.0)
+    assert len(bodies.bodies) == 1
+    assert hit(client, 0.0, 0.0)
+    assert hit(client, 300.0, 0.0)
+    before = bodies.bodies
+    bodies.follow(300.0, 0.0)
+    assert bodies.bodies == before
+
+
+def test_many_obstacles_are_there_where_the_rover_is(client: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("rover_sim.sim.obstacle_bodies.MOST_IN_ONE", 2)
+    places = [(0.5, 0.5), (-3.9, 0.0), (20.0, 0.0), (44.0, 44.0)]
+    bodies = ObstacleBodies(client, cubes(places))
+    bodies.follow(0.0, 0.0)
+    assert [hit(client, *place) for place in places] == [True, True, False, False]
+    assert bodies.index.nearest((0.5, 0.5, 0.4)) == 1
+    assert bodies.index.nearest((20.0, 0.0, 0.4)) == 0
+    bodies.follow(44.0, 40.0)
+    assert [hit(client, *place) for place in places] == [False, False, False, True]
+    assert bodies.index.nearest((44.0, 44.0, 0.4)) == 4
+    bodies.follow(200.0, 0.0)
+    assert bodies.bodies == ()
+    assert bodies.index.nearest((44.0, 44.0, 0.4)) == 0
+    bodies.follow(0.0, 0.0)
+    assert [hit(client, *place) for place in places] == [True, True, False, False]
+
+
+def test_whatever_the_rover_may_reach_is_there(client: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("rover_sim.sim.obstacle_bodies.MOST_IN_ONE", 0)
+    grid = [(float(x), float(y)) for x in range(-20, 21, 2) for y in range(-20, 21, 2)]
+    bodies = ObstacleBodies(client, cubes(grid))
+    rng = np.random.default_rng(0)
+    place = np.zeros(2)
+    for _ in range(40):
+        place = np.clip(place + rng.uniform(-2.0, 2.0, 2), -15.0, 15.0)
+        bodies.follow(*place.tolist())
+        # The largest distance at which the last look-up may have been made is part of the reach.
+        for x, y in grid:
+            if max(abs(x - place[0]), abs(y - place[1])) < REACH_M:
+                assert bodies.index.nearest((x, y, 0.4)) > 0
+
+
+def test_no_obstacles_no_bodies(client: int) -> None:
+    bodies = ObstacleBodies(client, PreparedShapes(NO_MESH))
+    bodies.follow(0.0, 0.0)
+    assert (bodies.any, bodies.bodies) == (False, ())

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 
 from rover_sim.sim.bullet import pybullet
-from rover_sim.sim.obstacle_index import ObstacleIndex
+from rover_sim.sim.obstacle_bodies import ObstacleBodies
 from rover_sim.sim.vehicle_state import BodyContact
 from rover_sim.sim.world import RoverBody
-from worlds.types import BoolArray, FloatArray, Vector3, World
+from worlds.types import BoolArray, FloatArray, Vector3
 
 # Places in a contact point of getContactPoints(bodyA=rover).
 _LINK, _POINT, _NORMAL_TO_ROVER, _DISTANCE, _FORCE = 3, 5, 7, 8, 9
@@ -23,10 +23,10 @@ _OPPOSITE = -0.5  # cosine between two such directions: at least 120 degrees apa
 class ContactReader:
     """Reads the contacts of each step; keeps the hardest hull contact (arms included) of each obstacle until taken."""
 
-    def __init__(self, client: int, rover: RoverBody, world: World, obstacles: tuple[int, ...]) -> None:
+    def __init__(self, client: int, rover: RoverBody, obstacles: ObstacleBodies) -> None:
         self._client, self._rover = client, rover
-        self._any = bool(obstacles)
-        self.obstacles = ObstacleIndex(world.collision_mesh)
+        self._any = obstacles.any
+        self.obstacles = obstacles.index
         self._wheel_place = {link: place for place, link in enumerate(rover.wheels)}
         self._before: FloatArray = np.zeros(13)
         self._now: list[tuple[Any, ...]] = []

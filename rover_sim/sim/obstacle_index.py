@@ -19,6 +19,10 @@ class ObstacleIndex:
     """
 
     def __init__(self, mesh: TriangleMesh) -> None:
+        self.take(mesh)
+
+    def take(self, mesh: TriangleMesh) -> None:
+        """Hold the obstacles of ``mesh`` instead of those before."""
         count = max(len(mesh.vertices_m), 1)
         # Each vertex once per obstacle, as one number: sorting pairs of columns takes ten times as long.
         pairs = np.unique(np.repeat(mesh.owner, 3).astype(np.int64) * count + mesh.faces.ravel())

@@ -16,7 +16,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from worlds.types import FloatArray, IntArray
+from worlds.types import BoolArray, FloatArray, IntArray
 
 KeyArray = NDArray[np.float32]
 
@@ -202,3 +202,56 @@ def draw_blocks(
             a, b, c = faces[face, 0] - first, faces[face, 1] - first, faces[face, 2] - first
             tag = face + 1 if face < ground_from else GROUND_TAG
             _draw(points, a, b, c, tag, facing, keys, tags)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def touches_pyramid(centres: FloatArray, radii: FloatArray, eye: FloatArray, planes: FloatArray) -> BoolArray:
+    """Which spheres (N, 3), (N,) touch the viewing pyramid: bool (N,).
+
+    ``planes`` (5, 3) inward unit normals through the eye, the forward one last: it cuts at the near distance.
+    """
+    found = np.empty(centres.shape[0], dtype=np.bool_)
+    for i in range(centres.shape[0]):
+        x, y, z = centres[i, 0] - eye[0], centres[i, 1] - eye[1], centres[i, 2] - eye[2]
+        inside = True
+        for k in range(5):
+            least = NEAR - radii[i] if k == 4 else -radii[i]
+            inside = inside and planes[k, 0] * x + planes[k, 1] * y + planes[k, 2] * z >= least
+        found[i] = inside
+    return found
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def measure_tiles(
+    heights: FloatArray, corners: IntArray, strides: IntArray, low: FloatArray, high: FloatArray, error: FloatArray
+) -> None:
+    """Lowest and highest height (T,) of tiles, far edges included, and the height error (T, S) of each stride, m.
+
+    The error is how far the ground drawn with a stride may be from a sample; a bound, as it takes both diagonals.
+    """
+    ny, nx = heights.shape
+    for tile in range(corners.shape[0]):
+        row0, column0 = corners[tile, 0], corners[tile, 1]
+        last_row, last_column = min(row0 + TILE_CELLS, ny - 1), min(column0 + TILE_CELLS, nx - 1)
+        least, most = heights[row0, column0], heights[row0, column0]
+        for row in range(row0, last_row + 1):
+            for column in range(column0, last_column + 1):
+                least, most = min(least, heights[row, column]), max(most, heights[row, column])
+        low[tile], high[tile] = least, most
+        for s in range(strides.shape[0]):
+            stride = strides[s]
+            worst = 0.0
+            for r0 in range(row0, last_row, stride):
+                r1 = min(r0 + stride, last_row)
+                for c0 in range(column0, last_column, stride):
+                    c1 = min(c0 + stride, last_column)
+                    a, b, c, d = heights[r0, c0], heights[r0, c1], heights[r1, c0], heights[r1, c1]
+                    twist = abs(a - b - c + d) / 4.0
+                    for row in range(r0, r1 + 1):
+                        v = (row - r0) / (r1 - r0)
+                        left, right = (1.0 - v) * a + v * c, (1.0 - v) * b + v * d
+                        for column in range(c0, c1 + 1):
+                            u = (column - c0) / (c1 - c0)
+                            off = abs(heights[row, column] - ((1.0 - u) * left + u * right))
+                            worst = max(worst, off + twist)
+            error[tile, s] = worst

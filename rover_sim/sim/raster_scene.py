@@ -12,11 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rover_sim.sim.raster_kernels import NEAR, TILE_CELLS
+from rover_sim.sim.raster_kernels import NEAR, TILE_CELLS, measure_tiles, touches_pyramid
 from worlds.types import BoolArray, FloatArray, HeightField, IntArray, TriangleMesh
 
 STRIDES = (1, 2, 4, 8, 16, 32)
-BAND_TILES = 4  # rows of tiles that are worked out at a time
 TOLERANCE_PX = 0.5  # height error of a coarse tile on the screen
 APRON_M = (4.0, 300.0)  # widths of two rings of ground around the map, so that the world does not end in a cliff
 APRON_STEP = 16  # the outer ring has a vertex for so many of the map's edge
@@ -46,9 +45,7 @@ class View:
         f, w, h = self.focal_px, self.width_px / 2.0, self.height_px / 2.0
         planes = np.array([[f, 0, w], [-f, 0, w], [0, f, h], [0, -f, h], [0, 0, 1]], dtype=float)
         planes /= np.linalg.norm(planes, axis=1, keepdims=True)
-        distance = (centres_w - self.eye_w) @ (planes @ self.rotation.T).T
-        distance[:, 4] -= NEAR
-        return np.asarray((distance >= -radii_m[:, None]).all(axis=1))
+        return np.asarray(touches_pyramid(centres_w, radii_m, self.eye_w, planes @ self.rotation.T))
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,8 +75,10 @@ def make_tiles(ground: HeightField) -> Tiles:
     rows, columns = np.arange(0, ny - 1, TILE_CELLS), np.arange(0, nx - 1, TILE_CELLS)
     corner = np.stack(np.meshgrid(rows, columns, indexing="ij"), axis=-1).reshape(-1, 2)
     last = np.minimum(corner + TILE_CELLS, [ny - 1, nx - 1])
-    bands = [_band_of_tiles(ground.heights_m, first) for first in range(0, ny - 1, BAND_TILES * TILE_CELLS)]
-    low, high, error = (np.concatenate(parts) for parts in zip(*bands, strict=True))
+    low, high, error = np.empty(len(corner)), np.empty(len(corner)), np.zeros((len(corner), len(STRIDES)))
+    heights = np.ascontiguousarray(ground.heights_m, dtype=np.float64)
+    # Stride 1 draws every sample.
+    measure_tiles(heights, corner, np.array(STRIDES[1:]), low, high, error[:, 1:])
     x0, y0 = ground.origin_m
     lower = np.column_stack([x0 + ground.resolution_m * corner[:, 1], y0 + ground.resolution_m * corner[:, 0], low])
     upper = np.column_stack([x0 + ground.resolution_m * last[:, 1], y0 + ground.resolution_m * last[:, 0], high])
@@ -89,47 +88,6 @@ def make_tiles(ground: HeightField) -> Tiles:
         radius_m=np.linalg.norm(upper - lower, axis=1) / 2,
         error_m=np.maximum.accumulate(error, axis=1),
     )
-
-
-def _band_of_tiles(heights_m: FloatArray, first_row: int) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Lowest (T,) and highest (T,) heights and errors (T, len(STRIDES)) of the tiles of some rows, to save memory."""
-    last_row = min(first_row + BAND_TILES * TILE_CELLS, heights_m.shape[0] - 1)
-    # The error at a tile's far edge is that of the next tile too.
-    around = heights_m[first_row : last_row + TILE_CELLS + 1]
-    band = heights_m[first_row : last_row + 1]
-    error = [_tile_extreme(_stride_error(around, stride)[: len(band)], np.maximum) for stride in STRIDES]
-    return _tile_extreme(band, np.minimum), _tile_extreme(band, np.maximum), np.column_stack(error)
-
-
-def _tile_extreme(values: FloatArray, which: np.ufunc) -> FloatArray:
-    """Least or greatest value (T,) of each tile, its far edges included."""
-    for axis in (0, 1):
-        size = values.shape[axis]
-        starts = np.arange(0, size - 1, TILE_CELLS)
-        far_edge = np.take(values, np.minimum(starts + TILE_CELLS, size - 1), axis=axis)
-        values = which(which.reduceat(values, starts, axis=axis), far_edge)
-    return values.reshape(-1)
-
-
-def _stride_error(heights_m: FloatArray, stride: int) -> FloatArray:
-    """How far (ny, nx) the ground drawn with a stride is from every sample, m; a bound, as it takes both diagonals."""
-    if stride == 1:
-        return np.zeros_like(heights_m)
-    (r0, r1, ty), (c0, c1, tx) = (_brackets(size, stride) for size in heights_m.shape)
-    a, b = heights_m[np.ix_(r0, c0)], heights_m[np.ix_(r0, c1)]
-    c, d = heights_m[np.ix_(r1, c0)], heights_m[np.ix_(r1, c1)]
-    ty, tx = ty[:, None], tx[None, :]
-    bilinear = (1 - ty) * ((1 - tx) * a + tx * b) + ty * ((1 - tx) * c + tx * d)
-    return np.asarray(np.abs(heights_m - bilinear) + np.abs(a - b - c + d) / 4)
-
-
-def _brackets(size: int, stride: int) -> tuple[IntArray, IntArray, FloatArray]:
-    """For each sample the drawn ones before and after it, and its share of the way between."""
-    index = np.arange(size)
-    before = np.minimum(index // stride * stride, size - 1)
-    after = np.minimum(before + stride, size - 1)
-    share = (index - before) / np.maximum(after - before, 1)
-    return before.astype(np.int32), after.astype(np.int32), share
 
 
 def ground_plane(ground: HeightField) -> tuple[float, float, float]:

@@ -109,8 +109,8 @@ def make_surface(ground: HeightField) -> Surface:
     slopes = np.empty((ny, nx, 2), dtype=np.float32)
     for first in range(0, ny, BAND_ROWS):  # to save memory
         last, before = min(first + BAND_ROWS, ny), max(first - 1, 0)
-        dy, dx = np.gradient(ground.heights_m[before : last + 1], ground.resolution_m)
-        own = slice(first - before, last - before)
-        slopes[first:last, :, 0], slopes[first:last, :, 1] = dx[own], dy[own]
+        own, around = slice(first - before, last - before), ground.heights_m[before : last + 1]
+        for axis, name in ((0, 1), (1, 0)):
+            slopes[first:last, :, name] = np.gradient(around, ground.resolution_m, axis=axis)[own]
     beyond_x, beyond_y, _ = ground_plane(ground)
     return Surface(slopes, *ground.origin_m, ground.resolution_m, beyond_x, beyond_y)

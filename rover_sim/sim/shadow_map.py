@@ -13,13 +13,14 @@ import numpy as np
 from rover_sim.sim.raster_kernels import draw_blocks, draw_tiles
 from rover_sim.sim.raster_scene import Tiles
 from rover_sim.sim.shade_types import ShadowMap
-from rover_sim.sim.stone_store import StoneStore
+from rover_sim.sim.stone_store import FINE, OCTAHEDRON, StoneStore
 from worlds.heightfield import grid_points
 from worlds.types import FloatArray, HeightField, IntArray, Vector3
 
 MAP_PX = 4096  # at most; 67 MB, 1 cm over a world of 40 m
 WINDOW_M = 100.0  # of a larger world this much is in the map, in texels of 2.4 cm
 MOVE_M = 15.0  # the camera may be so far off the middle before the map is drawn anew
+FINE_WITHIN_M = 30.0  # in a map that moves, shadows further off its middle are those of octahedra
 FINEST_TEXEL_M = 0.008
 LOWEST_SUN = 0.05  # sine of the elevation below which shadows no longer grow
 BIAS_TEXELS = 1.3  # points are lifted so far off their surface before they are compared
@@ -33,6 +34,8 @@ class SunShadows:
         self._shear = np.array(to_sun_w[:2]) / max(to_sun_w[2], LOWEST_SUN)
         self._heights = np.ascontiguousarray(ground.heights_m, dtype=np.float64)
         self._lowest_m = float(self._heights.min())
+        (west, east), (south, north) = ground.x_limits_m, ground.y_limits_m
+        self._moves = max(east - west, north - south) > WINDOW_M
         self._centre: FloatArray | None = None
 
     def around(self, eye_w: FloatArray) -> ShadowMap:
@@ -56,7 +59,11 @@ class SunShadows:
         corners = np.column_stack([tiles.corner[chosen], np.ones(len(chosen), dtype=np.int32)])
         grid = (*self._ground.origin_m, self._ground.resolution_m)
         draw_tiles(self._heights, grid, corners, np.zeros(len(corners)), matrix, keys, tags)
-        ranges = store.fine(self._falls_on(matrix, size, store.centre_w, store.radius_m))
+        casters = self._falls_on(matrix, size, store.centre_w, store.radius_m)
+        # The camera comes no nearer to the edge of a map that moves with it.
+        off = np.abs(store.centre_w[casters, :2] - (first_m + last_m) / 2).max(axis=1)
+        near = (off <= FINE_WITHIN_M) | (not self._moves)
+        ranges = np.concatenate([store.at(FINE, casters[near]), store.at(OCTAHEDRON, casters[~near])])
         draw_blocks(store.vertices_w, store.faces, ranges, len(store.faces), 0.0, matrix, keys, tags)
         return ShadowMap(keys, matrix)
 

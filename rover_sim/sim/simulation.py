@@ -13,6 +13,7 @@ from rover_sim.sim import placement, truth
 from rover_sim.sim import world as physics
 from rover_sim.sim.bullet import pybullet
 from rover_sim.sim.contacts import ContactReader
+from rover_sim.sim.obstacle_bodies import ObstacleBodies
 from rover_sim.sim.rover import RoverModel
 from rover_sim.sim.rover_ground import RoverGround
 from rover_sim.sim.ruts import RutField
@@ -55,7 +56,8 @@ class Simulation:
         self._client = physics.connect(gravity, time_step_s)
         pose = placement.resting_pose(world.ground, world.start, rover, self._ground.soil, gravity)
         self._body = physics.add_rover(self._client, rover, pose)
-        self._contacts = ContactReader(self._client, self._body, world, physics.add_obstacles(self._client, world))
+        self._obstacles = ObstacleBodies(self._client, world.shapes)
+        self._contacts = ContactReader(self._client, self._body, self._obstacles)
         self._around = Surroundings(self._contacts.obstacles, rover)
         self._sensors = Sensors(world.scenario.sensors.gnss, gravity, rover, rng)
         self._wheel_targets = [0.0] * len(self._body.wheels)
@@ -79,6 +81,7 @@ class Simulation:
         self._command(wheel_speed_rad_s)
         self._belly = self._ground.step(self.dt) > 0
         self._push()
+        self._obstacles.follow(float(self._ground.raw[0]), float(self._ground.raw[1]))
         self._contacts.before_step(self._ground.raw)
         pybullet.stepSimulation(physicsClientId=self._client)
         self._steps += 1

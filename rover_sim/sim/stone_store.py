@@ -70,10 +70,10 @@ class StoneStore:
         level = (width_px[seen] < COARSE_BELOW_PX).astype(int) + (width_px[seen] < OCTAHEDRON_BELOW_PX)
         return np.asarray(self._ranges[level, self._near[seen]])
 
-    def fine(self, which: IntArray) -> IntArray:
-        """Ranges (K, 4) of the finest meshes of ``which`` (K,)."""
-        self._load(FINE, which)
-        return np.asarray(self._ranges[FINE, which])
+    def at(self, level: int, which: IntArray) -> IntArray:
+        """Ranges (K, 4) of the meshes of ``which`` (K,) in one level of detail."""
+        self._load(level, which)
+        return np.asarray(self._ranges[level, which])
 
     def ids(self, tags: IntArray) -> IntArray:
         """Owner ids of a tag buffer; sky and ground stay what they are."""

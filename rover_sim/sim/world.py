@@ -1,27 +1,22 @@
-"""The PyBullet side: one client with the rover and the obstacles in it; the ground is not a body."""
+"""The PyBullet side: one client with the rover in it; the ground is not a body."""
 
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from math import sqrt
 from pathlib import Path
 
-import numpy as np
-
 from rover_sim.sim.bullet import pybullet
 from rover_sim.sim.rover import RoverModel
 from rover_sim.sim.rover_urdf import urdf, wheel_names
-from worlds.types import FloatArray, IntArray, Pose, TriangleMesh, Vector3, World
+from worlds.types import Pose, Vector3
 
 TIME_STEP_S = 1.0 / 240.0
 CHASSIS = -1  # PyBullet's link number of the base
 
-_MOST_VERTICES = 131_072  # of one mesh given to PyBullet
-_MOST_INDICES = 524_288
-_ROCK_FRICTION = 0.7  # PyBullet multiplies the coefficients of both bodies
 _WHEEL_FRICTION = 1.0
 _CHASSIS_FRICTION = 0.6
 _DIFFERENTIAL_STRENGTH = 1000.0  # m/s2: torque per mass of the rover and wheelbase, more than any landing asks
@@ -146,41 +141,3 @@ def drive_wheels(client: int, rover: RoverBody, speeds_rad_s: Sequence[float], t
         forces=[torque_Nm] * len(rover.wheels),
         physicsClientId=client,
     )
-
-
-def add_obstacles(client: int, world: World) -> tuple[int, ...]:
-    """Add all rocks and cylinders as static bodies; one, or several where PyBullet could not hold one."""
-    return tuple(
-        _add_mesh(client, vertices, faces)
-        for vertices, faces in mesh_tiles(world.collision_mesh, _MOST_VERTICES, _MOST_INDICES)
-    )
-
-
-def _add_mesh(client: int, vertices: FloatArray, faces: IntArray) -> int:
-    shape = pybullet.createCollisionShape(
-        pybullet.GEOM_MESH,
-        vertices=vertices.tolist(),
-        indices=faces.ravel().tolist(),
-        flags=pybullet.GEOM_FORCE_CONCAVE_TRIMESH | pybullet.GEOM_CONCAVE_INTERNAL_EDGE,
-        physicsClientId=client,
-    )
-    body = int(pybullet.createMultiBody(0.0, shape, physicsClientId=client))
-    pybullet.changeDynamics(body, -1, lateralFriction=_ROCK_FRICTION, restitution=0.0, physicsClientId=client)
-    return body
-
-
-def mesh_tiles(mesh: TriangleMesh, most_vertices: int, most_indices: int) -> Iterator[tuple[FloatArray, IntArray]]:
-    """Vertices (V, 3) and faces (F, 3) of pieces of a mesh that stay within both limits, by halving its longer side."""
-    if not len(mesh.faces):
-        return
-    stack = [np.arange(len(mesh.faces))]
-    centres = mesh.vertices_m[mesh.faces].mean(axis=1)
-    while stack:
-        chosen = stack.pop()
-        used, faces = np.unique(mesh.faces[chosen], return_inverse=True)
-        if len(used) <= most_vertices and 3 * len(chosen) <= most_indices:
-            yield mesh.vertices_m[used], faces.reshape(-1, 3).astype(np.int32)
-            continue
-        axis = int(np.argmax(np.ptp(centres[chosen, :2], axis=0)))
-        order = chosen[np.argsort(centres[chosen, axis], kind="stable")]
-        stack += [order[len(order) // 2 :], order[: len(order) // 2]]
