@@ -147,6 +147,7 @@ ROBOT_FAULTS = [
     ('<parent link="base_footprint"/>', '<parent link="head"/>', r"links base, .* hang on each other"),
     ('value="20"', 'value="heavy"', r"<mass value='heavy'>: expected 1 finite"),
     ("</robot>", "", r"not valid XML"),
+    ('<link name="head"/>', '<link name="head"/><link name="base"/>', r"two links or two joints of one name"),
     (
         '<robot name="hand">',
         '<robot name="hand" xmlns:xacro="http://ros.org/wiki/xacro"><xacro:arg name="x"/>',

@@ -82,7 +82,7 @@ def _check_arms(model: RoverModel, source: str) -> None:
                 f"{key}.limits_deg = {list(arm.limits_deg)}: must be [lowest, highest] with zero in between"
             )
     count = len(model.wheel.positions_m)
-    if suspension.arm and len(suspension.wheel_arms) != count:
+    if (suspension.arm or suspension.wheel_arms) and len(suspension.wheel_arms) != count:
         raise ScenarioError(
             f"{source}: suspension.wheel_arms: {len(suspension.wheel_arms)} names for {count} wheels; one each, "
             "in the order of wheel.positions_m"

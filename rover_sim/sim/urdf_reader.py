@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 MOVABLE = ("revolute", "continuous", "prismatic", "planar", "floating")
 _ROTATING = ("revolute", "continuous")
+_MOST_LINKS = 500
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,6 +95,7 @@ class _Reader:
         self._joints = root.findall("joint")
 
     def robot(self) -> Robot:
+        self._check_names()
         children = {self._end(joint, "child") for joint in self._joints}
         roots = [name for name in self._links if name not in children]
         if len(roots) != 1:
@@ -111,6 +113,13 @@ class _Reader:
         if lost:
             raise self._error(f"links {', '.join(lost)} hang on each other; a rover is one tree")
         return Robot(self._root.get("name", self._path.stem), links, joints)
+
+    def _check_names(self) -> None:
+        if len(self._links) > _MOST_LINKS:
+            raise self._error(f"{len(self._links)} links; at most {_MOST_LINKS}")
+        joints = {joint.get("name", "") for joint in self._joints}
+        if len(self._links) != len(self._root.findall("link")) or len(joints) != len(self._joints):
+            raise self._error("two links or two joints of one name")
 
     def _walk(
         self, name: str, joint: ET.Element | None, place: FloatArray
