@@ -1,4 +1,4 @@
-"""``rover-sim world``: build a world to files, or show its picture."""
+"""``rover-sim world``: build a world to files, show its picture, or export it for other programs."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
 SIZE_CLASSES_M = (0.0, 0.08, 0.2, 0.35, 0.5, 1.0)
 CLOSE_UP_M = 6.0
+FORMATS = ("sdf", "urdf", "gltf", "heightmap")
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -21,10 +22,16 @@ def configure(parser: argparse.ArgumentParser) -> None:
     actions = parser.add_subparsers(dest="action", metavar="ACTION", required=True)
     build = actions.add_parser("build", help="write world.npz, scenario.toml and rocks.glb, and print what is in it")
     show = actions.add_parser("show", help="draw the top view and a close look at the rocks")
-    for action in (build, show):
+    export = actions.add_parser("export", help="write the world for Gazebo, PyBullet, MuJoCo or Blender")
+    for action in (build, show, export):
         action.add_argument("scenario", metavar="SCENARIO", help="a shipped name or a TOML file")
         action.add_argument("--seed", type=int, default=0, help="of terrain and rocks (default 0)")
     build.add_argument("--out", type=Path, metavar="DIR", help="folder to write to (default world-NAME-SEED)")
+    export.add_argument("--format", required=True, choices=FORMATS, help="kind of files")
+    export.add_argument(
+        "--crop", type=float, nargs=4, metavar=("X0", "Y0", "X1", "Y1"), help="only this rectangle, m (default all)"
+    )
+    export.add_argument("--out", type=Path, metavar="DIR", help="folder to write to (default world-NAME-SEED-FORMAT)")
     show.add_argument("--out", type=Path, metavar="FILE.png", help="picture to write (default world-NAME-SEED.png)")
 
 
@@ -36,6 +43,8 @@ def execute(args: argparse.Namespace) -> int:
     world = build_world(load_scenario(args.scenario), args.seed, source=args.scenario)
     if args.action == "build":
         _build(world, args.out)
+    elif args.action == "export":
+        _export(world, args)
     else:
         _show(world, args.out)
     return 0
@@ -75,6 +84,22 @@ def _build(world: World, out: Path | None) -> None:
     console = Console()
     console.print(summary_table(world))
     console.print(f"{', '.join(written)}: in {folder}", soft_wrap=True)
+
+
+def _export(world: World, args: argparse.Namespace) -> None:
+    from rich.console import Console
+
+    from rover_sim.export.formats import WRITERS
+    from rover_sim.export.part import part_of
+    from rover_sim.files import output_folder
+
+    part = part_of(world, tuple(args.crop) if args.crop else None)
+    folder = output_folder(args.out or Path(f"{_default_name(world)}-{args.format}"))
+    names = WRITERS[args.format](part, folder)
+    console = Console()
+    for note in part.notes if args.format != "heightmap" else ():
+        console.print(note, soft_wrap=True)
+    console.print(f"{', '.join(names)}: in {folder}", soft_wrap=True)
 
 
 def _show(world: World, out: Path | None) -> None:

@@ -1,0 +1,1 @@
+"""Worlds as files that other programs open: SDF, URDF, glTF and height maps."""
