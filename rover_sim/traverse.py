@@ -72,8 +72,8 @@ class Traverse:
         self._autopilot = Autopilot(self._footprint, home)
         self._stack = MavlinkStack(world.origin, self._autopilot, options.connect, tlog)
         try:
-            self._renderer = make_renderer(world)
             self._simulation = Simulation(world, rover, np.random.default_rng([world.seed, SENSOR_STREAM]))
+            self._renderer = make_renderer(world, self._simulation.ruts)
         except BaseException:
             self._stack.close()
             raise

@@ -12,6 +12,7 @@ from rover_sim.sim import shade_kernels as shading
 from rover_sim.sim.appearance import draw_looks, make_light
 from rover_sim.sim.raster_scene import View, ground_plane, make_apron, make_tiles
 from rover_sim.sim.renderer import RenderedImage, check_camera, pose_rotation
+from rover_sim.sim.ruts import RutField, no_marks
 from rover_sim.sim.shade_types import Lens, Stones, Surface
 from rover_sim.sim.shadow_map import BIAS_TEXELS, SunShadows
 from rover_sim.sim.stone_store import StoneStore
@@ -23,9 +24,10 @@ BAND_ROWS = 256  # of the ground are worked out at a time
 
 
 class Rasteriser:
-    """Takes pictures of one world; the same world and pose give the same bytes."""
+    """Takes pictures of one world with the ruts of now; the same world, ruts and pose give the same bytes."""
 
-    def __init__(self, world: World) -> None:
+    def __init__(self, world: World, ruts: RutField | None = None) -> None:
+        self._ruts = ruts
         rng = np.random.default_rng([world.seed, 0xCA3E7A])
         cover = min(PEBBLE_COVER[0] * world.scenario.rocks.cfa, PEBBLE_COVER[1])
         self._fine, self._drift = ground_texture(cover, rng), drift_texture(rng)
@@ -83,6 +85,7 @@ class Rasteriser:
             shadow,
             BIAS_TEXELS / shadow.matrix[0, 0],
             self._light,
+            no_marks() if self._ruts is None else self._ruts.marks,
             raw,
         )
         shading.soften_outlines(raw, tags, image)

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from worlds.geometry import rotation_from_quaternion
 from worlds.types import ByteArray, CameraModel, IntArray, Pose, World
+
+if TYPE_CHECKING:
+    from rover_sim.sim.ruts import RutField
 
 SKY_ID = -1
 GROUND_ID = 0
@@ -33,12 +36,15 @@ class Renderer(Protocol):
         ...
 
 
-def make_renderer(world: World) -> Renderer:
-    """The software rasteriser for a world; compiled parts are loaded here, or built on the first use ever."""
+def make_renderer(world: World, ruts: RutField | None = None) -> Renderer:
+    """The software rasteriser for a world; compiled parts are loaded here, or built on the first use ever.
+
+    It shows ``ruts`` as they are at each picture.
+    """
     # Numba takes half a second to import.
     from rover_sim.sim.rasteriser import Rasteriser
 
-    return Rasteriser(world)
+    return Rasteriser(world, ruts)
 
 
 def add_noise(image: ByteArray, sd_levels: float, rng: np.random.Generator) -> ByteArray:

@@ -135,11 +135,11 @@ def press_rut(ruts: Ruts, foot: Pair, ahead: Pair, rim: Pair, sinkage: float, le
 
 @njit(cache=True)
 def _pile(ruts: Ruts, foot: Pair, ahead: Pair, spans: Pair, volume: float, highest: float, lean: float) -> None:
-    """Raise the soil on both sides of a wheel, most at its edges, by ``volume`` (m a texel), at most to ``highest``."""
+    """Raise the soil in a bank on both sides of a wheel by ``volume`` (m a texel), at most to ``highest``."""
     reach, half = spans
     texel = 1.0 / ruts[6]
     berm = BERM_TEXELS * texel
-    crest = volume / (2.0 * reach / texel * BERM_TEXELS)  # two strips with a triangle across
+    crest = volume / (2.0 * reach / texel * BERM_TEXELS)  # two banks, triangles across
     i0, i1, j0, j1 = _box(ruts, foot, ahead, reach, half + berm)
     for j in range(j0, j1):
         dy = (j + 0.5) * texel + ruts[5] - foot[1]
@@ -153,5 +153,5 @@ def _pile(ruts: Ruts, foot: Pair, ahead: Pair, spans: Pair, volume: float, highe
             if tile < 0:
                 continue
             old = ruts[1][tile, j % TILE_TEXELS, i % TILE_TEXELS]
-            raised = old - crest * (1.0 - beside / berm) * (1.0 + (lean if c > 0.0 else -lean))
+            raised = old - crest * (1.0 - abs(2.0 * beside / berm - 1.0)) * (1.0 + (lean if c > 0.0 else -lean))
             ruts[1][tile, j % TILE_TEXELS, i % TILE_TEXELS] = max(raised, min(old, -highest))

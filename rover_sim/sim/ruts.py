@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from rover_sim.files import atomic_path
 from rover_sim.sim.rut_kernels import TILE_TEXELS, Ruts
+from rover_sim.sim.rut_shading import Marks
 from worlds.types import ByteArray, FloatArray, HeightField, IntArray
 
 TEXEL_M = 0.02  # at most
@@ -101,6 +102,11 @@ class RutField:
                 origin_m=np.array(self.origin_m),
             )
 
+    @property
+    def marks(self) -> Marks:
+        """What the renderer takes: the arrays themselves, so that it always sees the ruts of now."""
+        return Marks(self.directory, self.depth_m, float(self.origin_m[0]), float(self.origin_m[1]), 1.0 / self.texel_m)
+
     def _make_view(self) -> Ruts:
         x0, y0 = self.origin_m
         return (self.directory, self.depth_m, self._changed, self._used, float(x0), float(y0), 1.0 / self.texel_m)
@@ -121,6 +127,11 @@ def load_ruts(path: Path) -> SavedRuts:
     with np.load(path) as data:
         x0, y0 = data["origin_m"]
         return SavedRuts(data["depth_m"], data["tile"], float(data["texel_m"]), (float(x0), float(y0)))
+
+
+def no_marks() -> Marks:
+    """What the renderer takes where there are no ruts."""
+    return Marks(np.zeros((0, 0), dtype=np.int32), np.zeros((0, 1, 1), dtype=np.float32), 0.0, 0.0, 1.0)
 
 
 def no_ruts() -> Ruts:

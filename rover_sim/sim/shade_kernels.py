@@ -7,12 +7,16 @@ from numba import njit
 from numpy.typing import NDArray
 
 from rover_sim.sim.raster_kernels import EMPTY_TAG, GROUND_TAG, KeyArray
+from rover_sim.sim.rut_shading import NO_LOOK, Depths, Marks, look, marked
 from rover_sim.sim.shade_types import Colour, Lens, Light, ShadowMap, Stones, Surface
 from rover_sim.sim.texture_kernels import Texels, sample_plane, sample_solid, sample_strip
 from rover_sim.sim.textures import Pyramid
 from worlds.types import ByteArray, IntArray
 
 Slopes = NDArray[np.float32]
+CHURNED_DARKER = 0.08  # share of its brightness that soil loses where a wheel was
+CHURNED_BUMPS = 0.3  # how much rougher it is
+CHURNED_BURIES = 0.8  # share of the pebbles that are pressed in
 Grid = tuple[float, float, float, float, float]  # x and y of the first sample, samples a metre, slopes beyond
 Shear = tuple[float, float, float, float, float, float]  # u = 0 x + 1 z + 2, v = 0 y + 3 z + 4, key = z + 5
 
@@ -61,14 +65,18 @@ def _illuminate(
     bumped: Colour,
     colour: Colour,
     bias_m: float,
+    share: float,
 ) -> Colour:
-    """Light that a surface of ``colour`` sends; the true normal places the shadow, the bumped one shades."""
+    """Light that a surface of ``colour`` sends; the true normal places the shadow, the bumped one shades.
+
+    ``share``: how much of the sun passes what the shadow map does not know.
+    """
     s = light.to_sun_w
     sun = bumped[0] * s[0] + bumped[1] * s[1] + bumped[2] * s[2]
     if sun <= 0.0 or smooth[0] * s[0] + smooth[1] * s[1] + smooth[2] * s[2] <= 0.0:
         sun = 0.0
     else:
-        sun *= _lit(
+        sun *= share * _lit(
             top_key, shear, point[0] + bias_m * smooth[0], point[1] + bias_m * smooth[1], point[2] + bias_m * smooth[2]
         )
     sky = 0.6 + 0.4 * bumped[2]  # a face that looks down sees little of the sky
@@ -103,19 +111,33 @@ def _ground(
     ray: Colour,
     minor_m: float,
     bias_m: float,
-) -> Colour:
-    """Colour of the ground at a point that a pixel of width ``minor_m`` sees along ``ray``."""
+    directory: IntArray,
+    rut_depth: Depths,
+    rut_grid: tuple[float, float, float],
+) -> tuple[float, float, float, float]:
+    """Colour of the ground at a point that a pixel of width ``minor_m`` sees along ``ray``, and the way on to a rut."""
     gx, gy = _ground_slope(slopes, grid, point[0], point[1])
-    normal = _unit(-gx, -gy, 1.0)
-    cosine = max(abs(normal[0] * ray[0] + normal[1] * ray[1] + normal[2] * ray[2]), 0.04)
+    smooth = _unit(-gx, -gy, 1.0)
+    cosine = max(abs(smooth[0] * ray[0] + smooth[1] * ray[1] + smooth[2] * ray[2]), 0.04)
     major_m = minor_m / cosine
+    seen = NO_LOOK
+    if marked(directory, rut_grid, point[0], point[1]):
+        seen = look(directory, rut_depth, rut_grid, point, ray, (gx, gy), light.to_sun_w, minor_m, major_m)
+    way, churned = seen[0], seen[3]
+    # Above the rut on the natural ground: what casts shadows there does so in the rut.
+    point = (
+        point[0] + way * ray[0],
+        point[1] + way * ray[1],
+        point[2] + way * (gx * ray[0] + gy * ray[1]),
+    )
+    normal = _unit(seen[1] - gx, seen[2] - gy, 1.0)
     t = sample_strip(fine, fine_px, fine_per_m, point, ray, minor_m, major_m)
     # Turned by about 37 degrees so that the two periods do not line up.
     dx, dy = 0.8 * point[0] - 0.6 * point[1], 0.6 * point[0] + 0.8 * point[1]
     broad = sample_plane(drift, drift_px, drift_per_m, dx, dy, np.sqrt(minor_m * major_m))
-    strength = broad[3]
-    brightness = broad[0] * (1.0 + strength * (t[0] - 1.0))
-    pebble = min(strength * t[3], 1.0)
+    strength = broad[3] * (1.0 + CHURNED_BUMPS * churned)
+    brightness = broad[0] * (1.0 + strength * (t[0] - 1.0)) * (1.0 - CHURNED_DARKER * churned)
+    pebble = min(strength * t[3], 1.0) * (1.0 - CHURNED_BURIES * churned)
     bumped = _unit(
         normal[0] - normal[2] * (strength * t[1] + 0.8 * broad[1] + 0.6 * broad[2]),
         normal[1] - normal[2] * (strength * t[2] - 0.6 * broad[1] + 0.8 * broad[2]),
@@ -126,7 +148,8 @@ def _ground(
         brightness * (light.sand[1] + pebble * (light.pebble[1] - light.sand[1])),
         brightness * (light.sand[2] + pebble * (light.pebble[2] - light.sand[2])),
     )
-    return _illuminate(light, top_key, shear, point, normal, bumped, colour, bias_m)
+    r, g, b = _illuminate(light, top_key, shear, point, smooth, bumped, colour, bias_m, seen[4])
+    return r, g, b, way
 
 
 @njit(cache=True, nogil=True, fastmath=True, forceinline=True)
@@ -165,7 +188,7 @@ def _stone(
         brightness * (looks[rock, 1] + dust * (light.sand[1] - looks[rock, 1])),
         brightness * (looks[rock, 2] + dust * (light.sand[2] - looks[rock, 2])),
     )
-    return _illuminate(light, top_key, shear, point, n, bumped, colour, bias_m)
+    return _illuminate(light, top_key, shear, point, n, bumped, colour, bias_m, 1.0)
 
 
 @njit(cache=True, nogil=True, fastmath=True)
@@ -181,9 +204,13 @@ def shade(
     shadow: ShadowMap,
     bias_m: float,
     light: Light,
+    marks: Marks,
     image: ByteArray,
 ) -> None:
-    """Fill ``image`` (H, W, 3) from the keys (1 / depth) and tags (H, W) of the raster kernels."""
+    """Fill ``image`` (H, W, 3) from the keys (1 / depth) and tags (H, W) of the raster kernels.
+
+    Keys of pixels that look into a rut are set to its depth.
+    """
     rows, columns = keys.shape
     r, eye = lens.rotation, lens.eye_w
     # Taken out of the tuples once: inside the loop each would cost an atomic count of references.
@@ -193,6 +220,7 @@ def shade(
     )
     fine_data, drift_data, solid_data = fine.data, drift.data, solid.data
     normals, blocks, looks = stones.normal, stones.block, stones.look
+    directory, rut_depth, rut_grid = marks.directory, marks.depth_m, (marks.x0_m, marks.y0_m, marks.per_m)
     top_key, m = shadow.key, shadow.matrix
     shear = (m[0, 0], m[0, 2], m[0, 3], m[1, 2], m[1, 3], m[3, 3])
     for row in range(rows):
@@ -201,6 +229,7 @@ def shade(
             dx, dy = r[0, 0] * u + r[0, 1] * v + r[0, 2], r[1, 0] * u + r[1, 1] * v + r[1, 2]
             dz = r[2, 0] * u + r[2, 1] * v + r[2, 2]
             ray = _unit(dx, dy, dz)
+            depth_share = 1.0 / np.sqrt(dx * dx + dy * dy + dz * dz)
             up = min(max(1.6 * ray[2], 0.0), 1.0)
             sky = (
                 light.horizon[0] + up * (light.zenith[0] - light.horizon[0]),
@@ -218,7 +247,7 @@ def shade(
                 # Far tiles and rocks are drawn coarse and may lie that much below what casts the shadow.
                 lift_m = bias_m + 0.7 * minor_m
                 if tag == GROUND_TAG:
-                    colour = _ground(
+                    red, green, blue, way = _ground(
                         slopes,
                         grid,
                         fine_data,
@@ -234,7 +263,13 @@ def shade(
                         ray,
                         minor_m,
                         lift_m,
+                        directory,
+                        rut_depth,
+                        rut_grid,
                     )
+                    colour = (red, green, blue)
+                    if way != 0.0:  # the ray is as long as the depth over its cosine to the camera's axis
+                        keys[row, column] = 1.0 / (depth + way * depth_share)
                 else:
                     colour = _stone(
                         normals,

@@ -1,0 +1,172 @@
+"""Compiled look of ruts: where a line of sight meets the pressed ground, how that lies to the sun, what was churned.
+
+The ground itself is drawn without ruts; here a line of sight is followed on from where it met the natural surface,
+taken as a plane, to the depths of the fine map (relief mapping: Policarpo, Oliveira and Comba, SIGGRAPH 2005). So ruts
+are seen as finely as they are held, and a new rut costs the picture nothing but its own pixels.
+
+Numba watches a compiled function's own file only: after a change here save `shade_kernels` anew.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from rover_sim.sim.rut_kernels import TILE_TEXELS
+from worlds.types import IntArray
+
+HIGHEST_M = 0.04  # of a pile that a line of sight may meet before the natural ground
+STEPS = 24
+CHURNED_M = 0.003  # depth from which soil looks wholly disturbed
+SUN_STEPS = 5
+NEAR_TEXELS = 2.0  # pixels that cover more see the mean of a rut, not its shape
+
+Depths = NDArray[np.float32]
+Vector = tuple[float, float, float]
+Pair = tuple[float, float]
+Grid = tuple[float, float, float]  # x and y of the first texel's corner, texels a metre
+Look = tuple[float, float, float, float, float]  # way along the sight, slopes of the depth, share churned, share of sun
+NO_LOOK: Look = (0.0, 0.0, 0.0, 0.0, 1.0)
+
+
+class Marks(NamedTuple):
+    """The ruts as the shading takes them; no tile anywhere where the directory is empty."""
+
+    directory: IntArray  # (rows, columns) number of the tile at each place, -1 for none
+    depth_m: Depths  # (T, 64, 64) below the natural ground
+    x0_m: float
+    y0_m: float
+    per_m: float
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def _texel(directory: IntArray, depth: Depths, j: int, i: int) -> float:
+    """Depth of one texel; 0 where no wheel was."""
+    if i < 0 or j < 0:
+        return 0.0
+    row, column = j // TILE_TEXELS, i // TILE_TEXELS
+    if row >= directory.shape[0] or column >= directory.shape[1]:
+        return 0.0
+    tile = directory[row, column]
+    if tile < 0:
+        return 0.0
+    return float(depth[tile, j % TILE_TEXELS, i % TILE_TEXELS])
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def _depth(directory: IntArray, depth: Depths, grid: Grid, x: float, y: float) -> Vector:
+    """Depth and its slopes along x and y at a point, by quadratic B-splines, which show no stairs along a rut."""
+    u, v = (x - grid[0]) * grid[2], (y - grid[1]) * grid[2]
+    i, j = int(np.floor(u)), int(np.floor(v))
+    u, v = u - i - 0.5, v - j - 0.5
+    value = along_x = along_y = 0.0
+    for row in range(-1, 2):
+        # Weights of the texels before, at and after the point, and how they grow.
+        wv = 0.75 - v * v if row == 0 else 0.5 * (0.5 + row * v) ** 2
+        gv = -2.0 * v if row == 0 else row * (0.5 + row * v)
+        a = _texel(directory, depth, j + row, i - 1)
+        b = _texel(directory, depth, j + row, i)
+        c = _texel(directory, depth, j + row, i + 1)
+        across = 0.5 * (0.5 - u) ** 2 * a + (0.75 - u * u) * b + 0.5 * (0.5 + u) ** 2 * c
+        value += wv * across
+        along_x += wv * ((u - 0.5) * a - 2.0 * u * b + (0.5 + u) * c)
+        along_y += gv * across
+    return value, grid[2] * along_x, grid[2] * along_y
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def _quick_depth(directory: IntArray, depth: Depths, grid: Grid, x: float, y: float) -> float:
+    """Depth at a point, bilinear: what is wanted many times a pixel."""
+    u, v = (x - grid[0]) * grid[2] - 0.5, (y - grid[1]) * grid[2] - 0.5
+    i, j = int(np.floor(u)), int(np.floor(v))
+    u, v = u - i, v - j
+    near = (1 - u) * _texel(directory, depth, j, i) + u * _texel(directory, depth, j, i + 1)
+    far = (1 - u) * _texel(directory, depth, j + 1, i) + u * _texel(directory, depth, j + 1, i + 1)
+    return (1 - v) * near + v * far
+
+
+@njit(cache=True, nogil=True, fastmath=True, forceinline=True)
+def marked(directory: IntArray, grid: Grid, x: float, y: float) -> bool:
+    """Whether a wheel was in the tile of a point."""
+    row, column = int((y - grid[1]) * grid[2]) // TILE_TEXELS, int((x - grid[0]) * grid[2]) // TILE_TEXELS
+    if row < 0 or column < 0 or row >= directory.shape[0] or column >= directory.shape[1]:
+        return False
+    return directory[row, column] >= 0
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def _meet(directory: IntArray, depth: Depths, grid: Grid, point: Vector, ray: Vector, sinking: float) -> float:
+    """Way (m) along the ray from the natural surface to the true one; ``sinking``: below it per metre of the ray."""
+    step = 0.7 / grid[2] / max(np.sqrt(ray[0] * ray[0] + ray[1] * ray[1]), 0.1)
+    s = -HIGHEST_M / sinking
+    before = 1.0
+    for _ in range(STEPS):
+        above = _quick_depth(directory, depth, grid, point[0] + s * ray[0], point[1] + s * ray[1]) - sinking * s
+        if above <= 0.0:
+            return s - step * above / min(above - before, -1e-9)
+        before = above
+        s += step
+    return s
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def _sunlit(
+    directory: IntArray, depth: Depths, grid: Grid, x: float, y: float, own: float, sun: Vector, slopes: Pair
+) -> float:
+    """Share of the sun that the walls of a rut let through to a point ``own`` below the natural ground."""
+    level = max(np.sqrt(sun[0] * sun[0] + sun[1] * sun[1]), 1e-6)
+    dx, dy = sun[0] / level, sun[1] / level
+    rise = sun[2] / level - slopes[0] * dx - slopes[1] * dy
+    share = 1.0
+    for step in range(1, SUN_STEPS + 1):
+        way = 0.8 * step / grid[2]
+        wall = own - _quick_depth(directory, depth, grid, x + way * dx, y + way * dy) - way * rise
+        share = min(share, 1.0 - wall / 0.006)  # blurred over some millimetres
+    return max(share, 0.0)
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def look(
+    directory: IntArray,
+    depth: Depths,
+    grid: Grid,
+    point: Vector,
+    ray: Vector,
+    slopes: Pair,
+    sun: Vector,
+    minor_m: float,
+    major_m: float,
+) -> Look:
+    """How the ground is disturbed where a pixel of ``minor_m`` by ``major_m`` sees it."""
+    sinking = slopes[0] * ray[0] + slopes[1] * ray[1] - ray[2]
+    if sinking <= 0.02 or major_m * grid[2] > NEAR_TEXELS:
+        return _mean(directory, depth, grid, point, ray, minor_m, major_m)
+    s = _meet(directory, depth, grid, point, ray, sinking)
+    x, y = point[0] + s * ray[0], point[1] + s * ray[1]
+    own, dx, dy = _depth(directory, depth, grid, x, y)
+    lit = _sunlit(directory, depth, grid, x, y, own, sun, slopes)
+    return s, dx, dy, min(abs(own) / CHURNED_M, 1.0), lit
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def _mean(
+    directory: IntArray, depth: Depths, grid: Grid, point: Vector, ray: Vector, minor_m: float, major_m: float
+) -> Look:
+    """The same for a pixel that covers several texels: their mean, and no shape."""
+    level = np.sqrt(ray[0] * ray[0] + ray[1] * ray[1]) + 1e-9
+    ux, uy = ray[0] / level, ray[1] / level
+    taps = min(max(int(major_m * grid[2] / 2.0), 2), 8)
+    churned = dx = dy = 0.0
+    for tap in range(taps):
+        a = ((tap + 0.5) / taps - 0.5) * major_m
+        for side in range(2):
+            c = (side - 0.5) * 0.5 * minor_m
+            own, gx, gy = _depth(directory, depth, grid, point[0] + a * ux - c * uy, point[1] + a * uy + c * ux)
+            churned += min(abs(own) / CHURNED_M, 1.0)
+            dx += gx
+            dy += gy
+    share = 0.5 / taps
+    return 0.0, share * dx, share * dy, share * churned, 1.0
