@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-from math import cos, sin, tan
+from math import cos, sin
 
 import numpy as np
 import pytest
@@ -60,7 +60,7 @@ def test_ruts_elsewhere_change_nothing() -> None:
 def test_from_above_the_floor_of_a_rut_is_as_deep_as_the_wheel_pressed_it() -> None:
     before, after = both(looking((0.0, 0.0, 1.0), np.pi / 2))
     assert before.depth_m == pytest.approx(1.0, abs=1e-4)
-    row, column = np.indices(after.depth_m.shape)
+    column = np.indices(after.depth_m.shape)[1]
     # Yaw 0 and straight down: rows run against x, columns against y.
     y = -(column + 0.5 - 100.0) / 200.0
     floor = np.abs(y - 0.01) < 0.03
@@ -70,7 +70,6 @@ def test_from_above_the_floor_of_a_rut_is_as_deep_as_the_wheel_pressed_it() -> N
     assert (after.depth_m[bank] < 0.995).all()
     assert after.depth_m[outside] == pytest.approx(1.0, abs=1e-4)
     assert (after.ids == before.ids).all()
-    assert row.shape == floor.shape
 
 
 def test_an_oblique_view_meets_the_floor_where_the_line_of_sight_does() -> None:
@@ -125,4 +124,3 @@ def test_pictures_of_ruts_repeat_to_the_byte() -> None:
     pose = looking((-0.6, 0.1, 0.7), 0.8)
     first, second = (both(pose)[1] for _ in range(2))
     assert first.image.tobytes() == second.image.tobytes()
-    assert tan(0.8) > 1.0
