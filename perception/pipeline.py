@@ -91,7 +91,11 @@ def examine(image: ByteArray, knowledge: Knowledge, view: View | None = None) ->
 def on_ground(found: Perception, view: View, time_s: float, knowledge: Knowledge) -> Perception:
     """The same with its rocks and windows placed on the ground that ``view`` looks at."""
     certainty = np.array([rock.certainty for rock in found.rocks])
-    placed = place_rocks(view, found.outlines, certainty, found.scale, knowledge.ground)
+    whole = place_rocks(view, found.outlines, certainty, found.scale, knowledge.ground)
+    placed = [
+        replace(place, cut=rock.touches_border) if place is not None else None
+        for rock, place in zip(found.rocks, whole, strict=True)
+    ]
     reach = knowledge.ground.max_range_m
     shape = (found.classes.shape[0], found.classes.shape[1])
     observation = Observation(

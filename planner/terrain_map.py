@@ -64,6 +64,8 @@ class MemoryModel:
     lateral_sd_ratio: float = 0.02  # of the range: across the line of sight the error is small
     least_sd_m: float = 0.04
     seen_gain: float = 1.0  # log-odds of a view with certainty 1
+    lowering: float = 0.4  # of a size's weight where a new view would make a rock lower
+    cut_weight: float = 0.005  # of a view that runs out of the picture
     missed_loss: float = 0.8  # log-odds of a rock that should have been seen
     drop_below: float = -1.4
     most_log_odds: float = 4.0
@@ -127,7 +129,7 @@ def _views(observation: Observation, viewpoint_w: FloatArray, model: MemoryModel
         np.array([min(rock.length_m, rock.width_m) for rock in seen]),
         np.array([rock.height_m for rock in seen]),
         np.array([rock.yaw_rad + (0.0 if rock.length_m >= rock.width_m else np.pi / 2) for rock in seen]),
-        1.0 / np.maximum(distance, 0.5) ** 2,
+        np.array([model.cut_weight if rock.cut else 1.0 for rock in seen]) / np.maximum(distance, 0.5) ** 2,
         np.log(certainty / (1.0 - certainty)),
         np.full(count, observation.time_s),
     )
@@ -175,6 +177,8 @@ def _fuse(rocks: RockMemory, views: RockMemory, match: Index, model: MemoryModel
     gain = covariance @ new_information
     centre = old.centre_w + np.einsum("nij,nj->ni", gain, new.centre_w - old.centre_w)
     share = new.weight / (old.weight + new.weight)
+    # A rock looks lower from above; taken too low it is driven over, taken too high it costs a detour.
+    height_share = np.where(new.height_m < old.height_m, model.lowering * share, share)
     yaw = old.yaw_rad + share * _half_turn(new.yaw_rad - old.yaw_rad)
     gained = np.minimum(old.log_odds + model.seen_gain * new.certainty, model.most_log_odds)
     fused = RockMemory(
@@ -182,7 +186,7 @@ def _fuse(rocks: RockMemory, views: RockMemory, match: Index, model: MemoryModel
         0.5 * (covariance + np.swapaxes(covariance, 1, 2)),
         old.length_m + share * (new.length_m - old.length_m),
         old.width_m + share * (new.width_m - old.width_m),
-        old.height_m + share * (new.height_m - old.height_m),
+        old.height_m + height_share * (new.height_m - old.height_m),
         yaw,
         np.minimum(old.weight + new.weight, 4.0),
         gained,

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -114,3 +116,12 @@ def test_inside_a_concave_outline() -> None:
     outline = np.array([[0, 0], [4, 0], [4, 4], [2, 1], [0, 4]], dtype=float)
     points = np.array([[0.5, 2.0], [2.0, 2.0], [3.5, 2.0], [5.0, 1.0]])
     assert gc.inside_polygon(outline, points).tolist() == [True, False, True, False]
+
+
+def test_a_view_that_runs_out_of_the_picture_does_not_shrink_a_rock() -> None:
+    whole = rock(3.0, 0.0, size=0.24)
+    part = replace(whole, height_m=0.04, width_m=0.08, length_m=0.20, cut=True, range_m=1.0)
+    rocks = after(seen(0, whole), seen(1, part), seen(2, part), seen(3, part)).rocks
+    assert len(rocks) == 1
+    assert rocks.height_m[0] > 0.18
+    assert rocks.width_m[0] > 0.20

@@ -234,6 +234,7 @@ class PerceivedRock:
     formation: int
     range_m: float  # ground distance from the camera
     position_sd_m: float  # one sigma of the position along the line of sight
+    cut: bool = False  # it runs out of the picture: sizes are lower bounds
 
 
 @dataclass(frozen=True, eq=False)
