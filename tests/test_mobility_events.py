@@ -174,11 +174,11 @@ def test_the_alarm_carries_the_tip_angle_ahead() -> None:
 )
 def test_events_alternate_with_their_ends(looks: list[tuple[float, float, float]]) -> None:
     """Whatever happens, an event begins only where it did not last before, and the columns say the same."""
-    memory, standards = mobility.begin(4), Standards.of(ROVER, 9.81)
+    memory, standards = mobility.begin(4), Standards.of(ROVER, 9.81, LIMITS)
     for slip, angle, clearance in looks:
         state = replace(rolling(slip=slip), tip_angle_rad=np.full(4, angle), belly_clearance_m=clearance)
         before = memory.active
-        memory, events = mobility.watch(memory, state, standards, LIMITS, 0.3)
+        memory, events = mobility.watch(memory, state, standards, 0.3)
         for event in events:
             column = 4 if event.wheel is None else event.wheel
             row = mobility.KINDS.index(event.kind)

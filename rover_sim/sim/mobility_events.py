@@ -25,15 +25,16 @@ class Kind(StrEnum):
     """What can befall a rover; the values are those of ``summary.json`` and the names of the trace's columns."""
 
     TRACTION_LOSS = "traction_loss"  # a wheel turns in vain, or slides
+    EMBEDDING = "embedding"  # a wheel slips past the stop limit and still sinks
     WHEEL_TRAP = "wheel_trap"  # a wheel turns in vain in a pit, a gap between rocks, or wedged
     SUPPORT_LOSS = "support_loss"  # a wheel carries next to nothing
     HIGH_CENTRED = "high_centred"  # the belly rests on ground or rock
     TIP_OVER = "imminent_tip_over"  # the rover is about to roll or pitch over
-    EMBEDDING = "embedding"  # a wheel slips past the stop limit and still sinks
 
 
 KINDS = tuple(Kind)
-TRACTION_LOSS, WHEEL_TRAP, SUPPORT_LOSS, HIGH_CENTRED, TIP_OVER, EMBEDDING = range(len(KINDS))  # rows
+TRACTION_LOSS, EMBEDDING, WHEEL_TRAP, SUPPORT_LOSS, HIGH_CENTRED, TIP_OVER = range(len(KINDS))  # rows
+_SLIPPING = np.s_[TRACTION_LOSS : EMBEDDING + 1]
 
 
 @dataclass(frozen=True)
@@ -70,24 +71,34 @@ class MobilityLimits:
     ended_s: float = 0.5  # the laxer level must be kept for this long
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Standards:
-    """What the limits are measured in: one rover under one gravity."""
+    """The limits, and what they are measured in: one rover under one gravity."""
 
+    limits: MobilityLimits
     radius_m: float
     shear_radius_m: float
     static_load_N: float  # of a wheel
-    sideways_m: tuple[float, ...]  # of the wheels, times the effective track ratio
+    sideways_m: FloatArray  # (wheels,) to the left, times the effective track ratio
+    needed: FloatArray  # (kinds, 1) time (s) or wheel travel (m) for which a condition must hold
 
     @classmethod
-    def of(cls, rover: RoverModel, gravity_m_s2: float) -> Standards:
+    def of(cls, rover: RoverModel, gravity_m_s2: float, limits: MobilityLimits) -> Standards:
         """The standards of a rover; its weight rests equally on all wheels."""
-        places = rover.wheel.positions_m
+        places = np.array(rover.wheel.positions_m)
+        radius, shear_radius = rover.wheel.radius_m, rover.wheel_shape().shear_radius_m
+        needed = np.zeros((len(KINDS), 1))
+        needed[_SLIPPING] = limits.slip_revolutions * 2.0 * pi * shear_radius
+        needed[WHEEL_TRAP] = limits.vain_radii * radius
+        needed[SUPPORT_LOSS] = limits.unloaded_s
+        needed[HIGH_CENTRED] = limits.resting_s
         return cls(
-            rover.wheel.radius_m,
-            rover.wheel_shape().shear_radius_m,
+            limits,
+            radius,
+            shear_radius,
             rover.mass_kg * gravity_m_s2 / len(places),
-            tuple(rover.drive.effective_track_ratio * y for _, y, _ in places),
+            rover.drive.effective_track_ratio * places[:, 1],
+            needed,
         )
 
 
@@ -120,23 +131,21 @@ def begin(wheels: int) -> Memory:
 
 
 def watch(
-    memory: Memory, state: VehicleState, standards: Standards, limits: MobilityLimits, step_s: float
+    memory: Memory, state: VehicleState, standards: Standards, step_s: float
 ) -> tuple[Memory, tuple[MobilityEvent, ...]]:
     """The memory after a look at ``state``, ``step_s`` after the one before, and the events that begin with it."""
-    signs = read_signs(memory, state, standards, limits, step_s)
-    built_up = np.where(signs.mute, memory.built_up, np.where(signs.on, memory.built_up + signs.progress, 0.0))
-    faded = np.where(signs.mute, memory.faded_s, np.where(signs.off, memory.faded_s + step_s, 0.0))
-    begun = ~memory.active & signs.on & ~signs.mute & (built_up >= _needed(standards, limits))
-    active = begun | (memory.active & (faded < limits.ended_s))
-    after = Memory(active, np.where(active, 0.0, built_up), faded, signs.least_sinkage_m)
+    signs = read_signs(memory, state, standards, step_s)
+    built_up = np.where(signs.mute, memory.built_up, (memory.built_up + signs.progress) * signs.on)
+    faded = np.where(signs.mute, memory.faded_s, (memory.faded_s + step_s) * signs.off)
+    begun = (built_up >= standards.needed) & signs.on & ~(memory.active | signs.mute)
+    active = begun | (memory.active & (faded < standards.limits.ended_s))
+    after = Memory(active, built_up * ~active, faded, signs.least_sinkage_m)
     return after, tuple(_event(row, column, state) for row, column in np.argwhere(begun)) if begun.any() else ()
 
 
-def read_signs(
-    memory: Memory, state: VehicleState, standards: Standards, limits: MobilityLimits, step_s: float
-) -> Signs:
+def read_signs(memory: Memory, state: VehicleState, standards: Standards, step_s: float) -> Signs:
     """Which conditions hold and which have ceased, wheel by wheel."""
-    shape = memory.active.shape
+    limits, shape = standards.limits, memory.active.shape
     on, off, mute = (np.zeros(shape, dtype=np.bool_) for _ in range(3))
     progress = np.full(shape, step_s)
     rim, hub = rolling_speeds(state, standards)
@@ -147,21 +156,20 @@ def read_signs(
     least = np.where(slipping, np.minimum(memory.least_sinkage_m, state.sinkage_m), np.inf)
     pit = state.pit_depth_m / standards.radius_m
 
-    wheels = np.s_[:-1]
-    on[TRACTION_LOSS, wheels], off[TRACTION_LOSS, wheels] = slipping, gripping
-    on[WHEEL_TRAP, wheels] = (pit > limits.pit_radii) | state.wedged
-    off[WHEEL_TRAP, wheels] = (pit < limits.pit_over_radii) & ~state.wedged
-    on[SUPPORT_LOSS, wheels], off[SUPPORT_LOSS, wheels] = load < limits.load, load > limits.load_over
-    on[EMBEDDING, wheels] = slipping & (state.sinkage_m - least >= limits.growth_m)
-    off[EMBEDDING, wheels] = gripping
+    on[TRACTION_LOSS, :-1], off[TRACTION_LOSS, :-1] = slipping, gripping
+    on[WHEEL_TRAP, :-1] = (pit > limits.pit_radii) | state.wedged
+    off[WHEEL_TRAP, :-1] = (pit < limits.pit_over_radii) & ~state.wedged
+    on[SUPPORT_LOSS, :-1], off[SUPPORT_LOSS, :-1] = load < limits.load, load > limits.load_over
+    on[EMBEDDING, :-1] = slipping & (state.sinkage_m - least >= limits.growth_m)
+    off[EMBEDDING, :-1] = gripping
     on[HIGH_CENTRED, -1] = state.belly_clearance_m <= limits.clearance_m
     off[HIGH_CENTRED, -1] = state.belly_clearance_m > limits.clearance_over_m
     left = float((state.tip_angle_rad - limits.foresight_s * state.tip_rate_rad_s).min())
     on[TIP_OVER, -1], off[TIP_OVER, -1] = left < limits.tip_angle_rad, left > limits.tip_angle_over_rad
 
-    progress[[TRACTION_LOSS, EMBEDDING], wheels] = speed * step_s
-    progress[WHEEL_TRAP, wheels] = np.where(np.abs(rim) > np.abs(hub), lost, 0.0) * step_s
-    mute[[TRACTION_LOSS, EMBEDDING], wheels] = (speed < limits.least_speed_m_s) | (load < limits.load)
+    progress[_SLIPPING, :-1] = speed * step_s
+    progress[WHEEL_TRAP, :-1] = np.where(np.abs(rim) > np.abs(hub), lost, 0.0) * step_s
+    mute[_SLIPPING, :-1] = (speed < limits.least_speed_m_s) | (load < limits.load)
     return Signs(on, off, progress, mute, least)
 
 
@@ -172,25 +180,13 @@ def rolling_speeds(state: VehicleState, standards: Standards) -> tuple[FloatArra
     so the sides are judged by the effective track, as the rover's own monitor does.
     """
     axes = rotation_from_quaternion(state.pose.quaternion_w)
-    forward = float(axes[:, 0] @ state.linear_velocity_w)
-    yaw_rate = float(axes[:, 2] @ state.angular_velocity_w)
-    return state.wheel_speed_rad_s * standards.shear_radius_m, forward - yaw_rate * np.array(standards.sideways_m)
+    forward, yaw_rate = axes[:, 0] @ state.linear_velocity_w, axes[:, 2] @ state.angular_velocity_w
+    return state.wheel_speed_rad_s * standards.shear_radius_m, forward - yaw_rate * standards.sideways_m
 
 
 def active_kinds(memory: Memory) -> dict[Kind, bool]:
     """Which kinds of events last at the moment, at any wheel."""
     return dict(zip(KINDS, memory.active.any(axis=1).tolist(), strict=True))
-
-
-def _needed(standards: Standards, limits: MobilityLimits) -> FloatArray:
-    """Time or wheel travel (kinds, 1) for which each condition must hold."""
-    needed = np.empty((len(KINDS), 1))
-    needed[[TRACTION_LOSS, EMBEDDING]] = limits.slip_revolutions * 2.0 * pi * standards.shear_radius_m
-    needed[WHEEL_TRAP] = limits.vain_radii * standards.radius_m
-    needed[SUPPORT_LOSS] = limits.unloaded_s
-    needed[HIGH_CENTRED] = limits.resting_s
-    needed[TIP_OVER] = 0.0
-    return needed
 
 
 def _event(row: int, column: int, state: VehicleState) -> MobilityEvent:
@@ -204,18 +200,17 @@ class MobilityLog:
 
     def __init__(self, rover: RoverModel, gravity_m_s2: float, limits: MobilityLimits | None = None) -> None:
         self.events: list[MobilityEvent] = []
-        self._standards = Standards.of(rover, gravity_m_s2)
-        self._limits = limits or MobilityLimits()
+        self._standards = Standards.of(rover, gravity_m_s2, limits or MobilityLimits())
         self.memory = begin(len(rover.wheel.positions_m))
 
     def look(self, state: VehicleState, step_s: float) -> tuple[MobilityEvent, ...]:
         """Events that begin with this look."""
-        self.memory, begun = watch(self.memory, state, self._standards, self._limits, step_s)
+        self.memory, begun = watch(self.memory, state, self._standards, step_s)
         self.events += begun
         return begun
 
     def digging(self, state: VehicleState) -> bool:
         """Whether at least half of the wheels are embedding, and turn."""
         rim, _ = rolling_speeds(state, self._standards)
-        turning = np.abs(rim) > self._limits.least_speed_m_s
+        turning = np.abs(rim) > self._standards.limits.least_speed_m_s
         return bool(2 * np.count_nonzero(self.memory.active[EMBEDDING, :-1] & turning) >= len(turning))
