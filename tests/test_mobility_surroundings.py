@@ -7,8 +7,10 @@ import pytest
 
 from rover_sim.sim.obstacle_index import ObstacleIndex
 from rover_sim.sim.rover import load_rover
+from rover_sim.sim.rut_kernels import Ruts
+from rover_sim.sim.ruts import RutField, no_ruts
 from rover_sim.sim.simulation import Simulation
-from rover_sim.sim.surroundings import Surroundings
+from rover_sim.sim.surroundings import Surface, Surroundings
 from tests.sim_factory import box_mesh, field, make_world, slope
 from worlds.geometry import quaternion_from_euler, rotation_from_quaternion
 from worlds.types import FloatArray, HeightField, TriangleMesh
@@ -24,17 +26,18 @@ def around(mesh: TriangleMesh) -> Surroundings:
     return Surroundings(ObstacleIndex(mesh), ROVER)
 
 
-def grid(ground: HeightField) -> tuple[float, float, float]:
-    return ground.origin_m[0], ground.origin_m[1], 1.0 / ground.resolution_m
+def surface(ground: HeightField, ruts: Ruts | None = None) -> Surface:
+    x0, y0 = ground.origin_m
+    return ground.heights_m, (x0, y0, 1.0 / ground.resolution_m), no_ruts() if ruts is None else ruts
 
 
 def clearance(ground: HeightField, mesh: TriangleMesh, position: FloatArray, rotation: FloatArray = LEVEL) -> float:
-    return around(mesh).belly_clearance(ground.heights_m, grid(ground), position, rotation)
+    return around(mesh).belly_clearance(surface(ground), position, rotation)
 
 
 def pit(ground: HeightField, mesh: TriangleMesh, hub: tuple[float, float, float], yaw: float = 0.0) -> float:
     ahead = np.array([[np.cos(yaw), np.sin(yaw)]])
-    return float(around(mesh).pit_depths(ground.heights_m, grid(ground), np.array([hub]), ahead)[0])
+    return float(around(mesh).pit_depths(surface(ground), np.array([hub]), ahead)[0])
 
 
 FAR = box_mesh((3.0, 3.0, 0.0), (3.2, 3.2, 0.2))
@@ -91,6 +94,19 @@ def test_a_gap_between_two_rocks_is_a_pit_and_one_rock_is_none() -> None:
     )
     assert pit(FLAT, both, (0.0, 0.0, RADIUS)) == pytest.approx(0.07, abs=1e-6)
     assert pit(FLAT, ahead, (0.0, 0.0, RADIUS)) == pytest.approx(0.0, abs=1e-6)
+
+
+def test_a_rut_is_no_pit_along_it_and_gives_the_belly_room() -> None:
+    """A rut of 8 cm through the whole map, along x, under the left wheels; a tile has 64 texels of 2 cm."""
+    field_of_ruts = RutField(FLAT)
+    field_of_ruts.directory[:] = 0
+    field_of_ruts.depth_m[0] = 0.08
+    ahead, hub = np.array([[1.0, 0.0]]), np.array([[0.0, 0.3, RADIUS - 0.08]])
+    rutted, smooth = surface(FLAT, field_of_ruts.view), surface(FLAT)
+    assert around(FAR).pit_depths(rutted, hub, ahead)[0] == pytest.approx(0.0, abs=1e-6)
+    assert around(FAR).pit_depths(smooth, hub, ahead)[0] == pytest.approx(0.08, abs=1e-6)
+    gained = around(FAR).belly_clearance(rutted, AXLE, LEVEL) - around(FAR).belly_clearance(smooth, AXLE, LEVEL)
+    assert gained == pytest.approx(0.08, abs=1e-6)
 
 
 def test_a_wheel_between_two_walls_is_wedged() -> None:

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from rover_sim.outcome import Limits, Reason, Strain, advance_strain, verdict
+from rover_sim.sim.mobility_events import Kind, MobilityEvent
 from rover_sim.sim.recorder import TraceRecorder
-from rover_sim.summary import Counts, Identity, summarize
+from rover_sim.summary import EVENTS_LISTED, Counts, Identity, event_figures, summarize
 
 CONTRACT_KEYS = [
     "scenario",
@@ -110,3 +111,25 @@ def test_the_gravest_reason_comes_first() -> None:
     assert verdict(strain, Limits(), tilt_rad=0.2, impact_m_s=1.0) is Reason.COLLISION
     assert verdict(Strain(0.0, 50.0), Limits(), tilt_rad=0.2, impact_m_s=0.0) is Reason.EMBEDDED
     assert verdict(Strain(), Limits(), tilt_rad=0.2, impact_m_s=0.1) is None
+
+
+def test_events_are_counted_all_and_listed_up_to_a_limit() -> None:
+    slip = MobilityEvent(Kind.TRACTION_LOSS, 1.23456, (1.0, 2.0, 0.12345), 3)
+    belly = MobilityEvent(Kind.HIGH_CENTRED, 2.0, (0.0, 0.0, 0.0), None)
+    figures = event_figures([slip] * (EVENTS_LISTED + 5) + [belly])
+    assert figures["event_counts"] == {
+        **dict.fromkeys((kind.value for kind in Kind), 0),
+        "traction_loss": EVENTS_LISTED + 5,
+        "high_centred": 1,
+    }
+    assert len(figures["events"]) == EVENTS_LISTED
+    place = {"time_s": 1.2346, "position_m": [1.0, 2.0, 0.123], "wheel": 3}
+    assert figures["events"][0] == {"kind": "traction_loss", **place}
+
+
+def test_digging_in_for_five_seconds_without_a_break_is_embedded() -> None:
+    strain, limits, reasons = Strain(), Limits(), []
+    for digging in [True] * 9 + [False] + [True] * 11:
+        strain = advance_strain(strain, touching=False, digging=digging, step_s=0.5)
+        reasons.append(verdict(strain, limits, tilt_rad=0.0, impact_m_s=0.0))
+    assert reasons == [None] * 20 + [Reason.EMBEDDED]

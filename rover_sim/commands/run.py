@@ -150,6 +150,8 @@ def _print_summary(summary: dict[str, Any], folder: Path) -> None:
         value = summary[key]
         if value not in (None, ""):
             table.add_row(label, f"{value:.3f}".rstrip("0").rstrip(".") if isinstance(value, float) else str(value))
+    counts = [f"{kind.replace('_', ' ')} {count}" for kind, count in summary["event_counts"].items() if count]
+    table.add_row("mobility events", ", ".join(counts) or "none")
     console = Console()
     console.print(table)
     left = ", ".join(sorted(path.name for path in folder.iterdir()))

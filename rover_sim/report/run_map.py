@@ -99,7 +99,7 @@ def _draw_belief(axes: Axes, data: MapData) -> None:
         Line2D([], [], color="darkviolet", linewidth=2.6, label="path driven (colour: slip)"),
     ]
     known = axes.get_legend_handles_labels()[0]
-    axes.legend(handles=[*known, *handles], loc="upper left", fontsize=7, facecolor="0.35", labelcolor="white")
+    axes.legend(handles=[*known, *handles], loc="upper left", ncols=2, fontsize=7, facecolor="0.35", labelcolor="white")
 
 
 def _draw_events(axes: Axes, events: Sequence[MobilityEvent]) -> None:

@@ -1,6 +1,7 @@
 """What stands around the rover: the room under its belly and the pits that its wheels are in, rocks included.
 
-Ground heights come from the kernel of the wheels; numba does not watch that file, so save this one too after a change.
+Heights and ruts come from the kernels of the wheels; numba does not watch those files, so save this one too after a
+change there.
 """
 
 from __future__ import annotations
@@ -14,11 +15,13 @@ from numpy.typing import NDArray
 from rover_sim.sim.obstacle_index import ObstacleIndex
 from rover_sim.sim.rover import RoverModel
 from rover_sim.sim.rover_ground import belly_points
+from rover_sim.sim.rut_kernels import Ruts, rut_depth
 from rover_sim.sim.soil_kernels import ground_height
 from worlds.types import FloatArray, IntArray
 
 Places = NDArray[np.int64]
-Grid = tuple[float, float, float]  # x and y of the first height, cells a metre
+# Heights (ny, nx) of the natural ground; x and y of the first, cells a metre; the ruts in it.
+Surface = tuple[FloatArray, tuple[float, float, float], Ruts]
 
 _PIT_SAMPLES = 8  # a wheel diameter; 4 cm for a wheel of 0.33 m, half a cell of the usual grid
 _WIDEST_PIT = 2.0  # wheel diameters, after the definition of a wheel trap
@@ -35,15 +38,14 @@ class Surroundings:
         self._reach = max(hypot(max(-x0, x1), max(-y0, y1)) for x0, x1, y0, y1, _ in self._boxes)
         self._wheel_radius = rover.wheel.radius_m
 
-    def belly_clearance(self, ground: FloatArray, grid: Grid, position_w: FloatArray, rotation: FloatArray) -> float:
+    def belly_clearance(self, surface: Surface, position_w: FloatArray, rotation: FloatArray) -> float:
         """Smallest gap (m) between hull and ground or obstacles beneath it; negative where they press into it.
 
         ``position_w`` (3,) and ``rotation`` (3, 3), body to world, of the body origin.
         """
         near = self._obstacles
         return _clearance(
-            ground,
-            grid,
+            surface,
             self._points,
             self._boxes,
             (near.vertices, near.starts, near.low, near.high),
@@ -52,7 +54,7 @@ class Surroundings:
             self._reach,
         )
 
-    def pit_depths(self, ground: FloatArray, grid: Grid, hubs_w: FloatArray, ahead_w: FloatArray) -> FloatArray:
+    def pit_depths(self, surface: Surface, hubs_w: FloatArray, ahead_w: FloatArray) -> FloatArray:
         """Height (n,) that each wheel must climb to get out, whichever way it rolls; below zero where it need not.
 
         The lower of the highest ground or rock ahead and behind, above the lowest point of the wheel, the two at most
@@ -61,14 +63,21 @@ class Surroundings:
         near = self._obstacles
         depths = np.zeros(len(hubs_w))
         mesh = (near.mesh_vertices, near.faces, near.face_starts, near.low, near.high)
-        _pits(ground, grid, mesh, hubs_w, ahead_w, self._wheel_radius, depths)
+        _pits(surface, mesh, hubs_w, ahead_w, self._wheel_radius, depths)
         return depths
 
 
 @njit(cache=True)
+def _height(surface: Surface, x: float, y: float) -> float:
+    """Height (m) of the ground as it lies now, ruts and berms included."""
+    ground, (x0, y0, inverse), ruts = surface
+    height: float = ground_height(ground, x0, y0, inverse, x, y) - rut_depth(ruts, x, y)
+    return height
+
+
+@njit(cache=True)
 def _clearance(
-    ground: FloatArray,
-    grid: Grid,
+    surface: Surface,
     points: FloatArray,
     boxes: FloatArray,
     obstacles: tuple[FloatArray, Places, FloatArray, FloatArray],
@@ -77,7 +86,6 @@ def _clearance(
     reach: float,
 ) -> float:
     vertices, starts, low, high = obstacles
-    x0, y0, inverse = grid
     px, py, pz = position[0], position[1], position[2]
     r = rotation
     least = 1e300
@@ -85,7 +93,7 @@ def _clearance(
         a, b, c = points[i, 0], points[i, 1], points[i, 2]
         x, y = px + r[0, 0] * a + r[0, 1] * b + r[0, 2] * c, py + r[1, 0] * a + r[1, 1] * b + r[1, 2] * c
         z = pz + r[2, 0] * a + r[2, 1] * b + r[2, 2] * c
-        least = min(least, z - ground_height(ground, x0, y0, inverse, x, y))
+        least = min(least, z - _height(surface, x, y))
     for i in range(low.shape[0]):
         if px + reach < low[i, 0] or px - reach > high[i, 0] or py + reach < low[i, 1] or py - reach > high[i, 1]:
             continue
@@ -103,8 +111,7 @@ def _clearance(
 
 @njit(cache=True)
 def _pits(
-    ground: FloatArray,
-    grid: Grid,
+    surface: Surface,
     mesh: tuple[FloatArray, IntArray, Places, FloatArray, FloatArray],
     hubs: FloatArray,
     ahead: FloatArray,
@@ -112,7 +119,6 @@ def _pits(
     depths: FloatArray,
 ) -> None:
     low, high = mesh[3], mesh[4]
-    x0, y0, inverse = grid
     spacing = 2.0 * radius / _PIT_SAMPLES
     side = int(_WIDEST_PIT * _PIT_SAMPLES)
     reach = side * spacing
@@ -122,7 +128,7 @@ def _pits(
         fx, fy = ahead[w, 0], ahead[w, 1]
         for k in range(2 * side + 1):
             s = (k - side) * spacing
-            profile[k] = ground_height(ground, x0, y0, inverse, hx + s * fx, hy + s * fy)
+            profile[k] = _height(surface, hx + s * fx, hy + s * fy)
         for i in range(low.shape[0]):
             if hx + reach < low[i, 0] or hx - reach > high[i, 0] or hy + reach < low[i, 1] or hy - reach > high[i, 1]:
                 continue

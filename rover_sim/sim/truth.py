@@ -12,7 +12,7 @@ from rover_sim.sim import soil_kernels as kernel
 from rover_sim.sim.rover import Body, RoverModel
 from rover_sim.sim.stability import force_angle, tip_angles
 from rover_sim.sim.support_polygon import outline
-from rover_sim.sim.surroundings import Grid, Surroundings
+from rover_sim.sim.surroundings import Surface, Surroundings
 from rover_sim.sim.vehicle_state import BodyContact, VehicleState
 from worlds.geometry import rotation_from_quaternion
 from worlds.heightfield import contains
@@ -31,8 +31,7 @@ class Snapshot:
     gravity_m_s2: float
     rover: RoverModel
     field: HeightField
-    ground: FloatArray  # heights that the wheels roll on
-    grid: Grid
+    surface: Surface
     around: Surroundings
     raw: FloatArray  # (13 + n + 2 m,) as in soil_kernels.ground_forces
     hubs_w: FloatArray  # (n, 3)
@@ -74,7 +73,7 @@ def observe(now: Snapshot) -> VehicleState:
         drawbar_N=now.wheels[:, kernel.DRAWBAR],
         wheel_torque_Nm=now.torques_Nm,
         wheel_power_W=now.torques_Nm * wheel_speeds,
-        pit_depth_m=now.around.pit_depths(now.ground, now.grid, hubs, directions),
+        pit_depth_m=now.around.pit_depths(now.surface, hubs, directions),
         wedged=now.wedged,
         power_W=now.power_W,
         energy_J=now.energy_J,
@@ -83,7 +82,7 @@ def observe(now: Snapshot) -> VehicleState:
         tip_angle_rad=tip_angle,
         tip_rate_rad_s=tip_rate,
         belly_contact=now.belly_contact,
-        belly_clearance_m=now.around.belly_clearance(now.ground, now.grid, position, rotation),
+        belly_clearance_m=now.around.belly_clearance(now.surface, position, rotation),
         body_contacts=now.body_contacts,
         wheel_contacts=now.wheel_contacts,
         off_map=not bool(np.all(contains(now.field, hubs[:, 0], hubs[:, 1]))),
