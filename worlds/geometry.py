@@ -40,7 +40,7 @@ def quaternion_from_rotation(rotation: FloatArray) -> FloatArray:
     )
     quaternion = products[int(np.argmax(squared))]
     quaternion = quaternion / np.linalg.norm(quaternion)
-    return quaternion if quaternion[3] >= 0 else -quaternion
+    return np.asarray(quaternion if quaternion[3] >= 0 else -quaternion)
 
 
 def quaternion_from_euler(roll_rad: float, pitch_rad: float, yaw_rad: float) -> FloatArray:

@@ -107,18 +107,10 @@ def _draw_events(axes: Axes, events: Sequence[MobilityEvent]) -> None:
     for order, (kind, (marker, colour, size)) in enumerate(EVENT_MARKS.items()):
         places = [event.position_m[:2] for event in events if event.kind is kind]
         if places:
-            spread = np.array(_apart(places))
+            x, y = np.array(_apart(places)).T
             label = f"{kind.value.replace('_', ' ')} ({len(places)})"
-            axes.scatter(
-                *spread.T,
-                s=size,
-                marker=marker,
-                c=colour,
-                edgecolors="black",
-                linewidths=0.5,
-                zorder=7 + order,
-                label=label,
-            )
+            style: dict[str, Any] = {"marker": marker, "c": colour, "edgecolors": "black", "linewidths": 0.5}
+            axes.scatter(x, y, s=size, zorder=7 + order, label=label, **style)
 
 
 def _apart(places: Sequence[tuple[float, ...]]) -> list[tuple[float, ...]]:

@@ -186,7 +186,7 @@ def rolling_speeds(state: VehicleState, standards: Standards) -> tuple[FloatArra
 
 def active_kinds(memory: Memory) -> dict[Kind, bool]:
     """Which kinds of events last at the moment, at any wheel."""
-    return dict(zip(KINDS, memory.active.any(axis=1).tolist(), strict=True))
+    return {kind: bool(row.any()) for kind, row in zip(KINDS, memory.active, strict=True)}
 
 
 def _event(row: int, column: int, state: VehicleState) -> MobilityEvent:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -36,4 +37,5 @@ class TraceRecorder:
     def save(self, path: Path) -> None:
         """Write all columns as a compressed npz, atomically; equal rows give equal bytes."""
         with atomic_path(path) as temporary:
-            np.savez_compressed(temporary, **self.arrays())
+            columns: dict[str, Any] = dict(self.arrays())  # the stub takes keywords for the option of the same call
+            np.savez_compressed(temporary, **columns)
