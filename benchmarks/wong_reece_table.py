@@ -31,7 +31,7 @@ def driven_slips(row: Row) -> list[Slip]:
     """Slip of the simulated rover at every slope; None where it stalls."""
     setup = Setup(row.soil, row.gravity_m_s2, "reference", 0.0, 0.1)
     soil, rover = reference_soil(row.soil), reference_rover()
-    slips = [travel_slip(slope_drive(rover, setup, "up", slope_deg, soil)[1]) for slope_deg in SLOPES_DEG]
+    slips = [travel_slip(slope_drive(rover, setup, "up", slope_deg, soil, ruts=False)[1]) for slope_deg in SLOPES_DEG]
     return [None if slip > STALL_SLIP else slip for slip in slips]
 
 
