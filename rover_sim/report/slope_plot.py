@@ -57,7 +57,7 @@ def save_slope_plot(path: Path, campaign: Campaign, points: Mapping[int, Point])
     figure = slope_figure(campaign, points)
     FigureCanvasAgg(figure)
     with atomic_path(path) as temporary:
-        figure.savefig(temporary, dpi=90, format="png")
+        figure.savefig(temporary, dpi=80, format="png")
 
 
 def _draw_climb(axes: Axes, campaign: Campaign, rows: list[SlopePoint], colours: Colours) -> None:
@@ -154,7 +154,7 @@ def _draw_pull(axes: Axes, rows: list[DrawbarPoint], colours: Colours) -> None:
         _draw_measured(axes, [(row.slip, row.pull_per_weight) for row in own], soil, colour)
         if own:
             steady = [row.steady_wheel_per_weight for row in own]
-            label = f"{soil}: steady wheels at equal loads"
+            label = f"{soil}: steady wheels, equal loads, fresh soil"
             axes.plot([row.slip for row in own], steady, color=colour, linewidth=0.8, linestyle="--", label=label)
     axes.axhline(0.0, color="0.4", linewidth=0.8)
     axes.set(xlabel="slip ratio", ylabel="drawbar pull / weight", title="drawbar test on level ground")

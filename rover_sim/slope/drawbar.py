@@ -19,7 +19,8 @@ IMPOSED_SLIPS = (0.02, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6, 0.8, 0.95)
 _STEPS = 4  # of the physics between two settings of the brake
 _STIFFNESS_1_S = 20.0
 _RESET_1_S = 10.0
-_RUN_IN_WAY = 3.0  # wheelbases of wheel travel
+_RUN_IN = 1.2  # wheelbases made good: the rear wheels are then in the ruts of the front ones
+_SHORTEST_RUN_IN = 2.0  # wheelbases of wheel travel
 _MEASURED_WAY = 0.5
 _SIZE_M = 12.0
 
@@ -36,7 +37,7 @@ class DrawbarPoint:
     pull_per_weight: float
     power_W: float
     sinkage_m: float
-    steady_wheel_per_weight: float  # the same of as many steady Wong-Reece wheels with equal loads
+    steady_wheel_per_weight: float  # the same of as many steady Wong-Reece wheels, equal loads, fresh soil
 
 
 class _LoadVehicle:
@@ -65,7 +66,7 @@ class _LoadVehicle:
 
 
 def measure_drawbar(setup: Setup, slip: float) -> DrawbarPoint:
-    """Tow force, power and sinkage at an imposed slip, averaged once they are steady."""
+    """Tow force, power and sinkage at an imposed slip below 1, averaged once they are steady."""
     rover, soil = setup.model(), load_soil(setup.soil)
     shape = rover.wheel_shape()
     speeds = [setup.speed_m_s / shape.shear_radius_m] * len(rover.wheel.positions_m)
@@ -73,7 +74,7 @@ def measure_drawbar(setup: Setup, slip: float) -> DrawbarPoint:
     world = plane_world(soil, setup.gravity_m_s2, 0.0, 0.0, max(_SIZE_M, 10.0 * rover.wheelbase_m))
     with Simulation(world, rover, np.random.default_rng(0)) as simulation:
         vehicle = _LoadVehicle(simulation, (1.0 - slip) * setup.speed_m_s, setup.gravity_m_s2)
-        vehicle.tow(speeds, _RUN_IN_WAY * wheelbase_s)
+        vehicle.tow(speeds, max(_RUN_IN / (1.0 - slip), _SHORTEST_RUN_IN) * wheelbase_s)
         begin = simulation.state
         tow = vehicle.tow(speeds, _MEASURED_WAY * wheelbase_s)
         end = simulation.state
