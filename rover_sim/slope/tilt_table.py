@@ -12,6 +12,7 @@ import numpy as np
 from rover_sim.sim.rover import RoverModel
 from rover_sim.sim.simulation import Simulation
 from rover_sim.sim.stability import force_angle
+from rover_sim.sim.support_polygon import outline
 from rover_sim.sim.vehicle_state import VehicleState
 from rover_sim.sim.world import set_gravity
 from rover_sim.slope.rig import Setup, plane_world
@@ -26,10 +27,10 @@ _FAST_DEG_S = 10.0  # up to this share of the analytic angle
 _FAST_SHARE = 0.9
 _SLOW_DEG_S = 0.5
 _PAST = 1.2  # times the analytic angle: the table stops there
+_STAYS_S = 0.2  # a wheel that only hops comes back within that
 _LIFTED = 1e-3  # of the weight: a wheel that carries less has left the table
 _SIZE_M = 8.0
 _LEAN: dict[Axis, tuple[float, float]] = {"lateral": (0.0, -1.0), "uphill": (-1.0, 0.0), "downhill": (1.0, 0.0)}
-_CLOCKWISE = (0, 2, 3, 1)  # wheels seen from above
 
 
 @dataclass(frozen=True)
@@ -62,7 +63,7 @@ def measure_tilt(setup: Setup, axis: Axis) -> TiltPoint:
 
 
 def analytic_tip_deg(rover: RoverModel, axis: Axis) -> float:
-    """Angle at which the centre of mass of a rigid rover stands over its lower wheels."""
+    """Angle at which the centre of mass stands over the lower wheels; arms are taken as rigid."""
     lean = _LEAN[axis]
     centre = rover.centre_of_mass_b
     reach = [place[0] * lean[0] + place[1] * lean[1] for place in rover.wheel.positions_m]
@@ -89,7 +90,7 @@ def _tilt(rover: RoverModel, gravity: float, axis: Axis, analytic: float) -> tup
     lean = _LEAN[axis]
     upper = [place[0] * lean[0] + place[1] * lean[1] < 0.0 for place in rover.wheel.positions_m]
     least_N = _LIFTED * rover.mass_kg * gravity
-    angle, margin_zero = 0.0, None
+    angle, lifted_s, lift, margin_zero = 0.0, 0.0, 0.0, None
     with Simulation(world, rover, np.random.default_rng(0)) as simulation:
         while angle < _PAST * analytic:
             rate = _FAST_DEG_S if angle < _FAST_SHARE * analytic else _SLOW_DEG_S
@@ -101,13 +102,19 @@ def _tilt(rover: RoverModel, gravity: float, axis: Axis, analytic: float) -> tup
             if margin_zero is None and _margin(rover, simulation.state, pull) < 0.0:
                 margin_zero = angle
             if angle > _FAST_SHARE * analytic and simulation.state.normal_force_N[upper].max() < least_N:
-                return angle, margin_zero
+                lift = angle if lifted_s == 0.0 else lift
+                lifted_s += simulation.dt
+            else:
+                lifted_s = 0.0
+            if lifted_s > _STAYS_S:
+                return lift, margin_zero
     return None, margin_zero
 
 
 def _margin(rover: RoverModel, state: VehicleState, pull: Vector3) -> float:
-    """Force-angle measure at rest under a leaning gravity."""
+    """Force-angle measure at rest under a leaning gravity, about the contacts under the hubs."""
+    corners = list(outline(np.array(rover.wheel.positions_m)[:, :2]))
+    feet = state.hubs_w[corners] - [0.0, 0.0, rover.wheel.radius_m]
     rotation = rotation_from_quaternion(state.pose.quaternion_w)
-    feet = np.array(rover.wheel.positions_m)[list(_CLOCKWISE)] - [0.0, 0.0, rover.wheel.radius_m]
-    centre = rotation @ np.array(rover.centre_of_mass_b)
-    return force_angle(feet @ rotation.T, centre, rover.mass_kg * np.array(pull), np.zeros(3))
+    centre = state.pose.position_w + rotation @ np.array(rover.centre_of_mass_b)
+    return float(force_angle(feet, centre, rover.mass_kg * np.array(pull), np.zeros(3)))
