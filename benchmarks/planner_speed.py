@@ -31,7 +31,7 @@ GOAL = np.array([20.0, 0.0])
 
 def obstacle_table(world: DiscWorld) -> FloatArray:
     """The world's rocks as the planner would remember them if it knew them exactly."""
-    hard = world.height > DRIVE.climb_height_m
+    hard = world.height > FOOTPRINT.climb_height_m
     return np.column_stack([world.centre, world.centre, world.radius, np.clip(world.height / 0.25, 0.1, 1.0), hard])
 
 

@@ -94,7 +94,7 @@ def marked(directory: IntArray, grid: Grid, x: float, y: float) -> bool:
     row, column = int((y - grid[1]) * grid[2]) // TILE_TEXELS, int((x - grid[0]) * grid[2]) // TILE_TEXELS
     if row < 0 or column < 0 or row >= directory.shape[0] or column >= directory.shape[1]:
         return False
-    return directory[row, column] >= 0
+    return bool(directory[row, column] >= 0)
 
 
 @njit(cache=True, nogil=True, fastmath=True)
@@ -106,7 +106,7 @@ def _meet(directory: IntArray, depth: Depths, grid: Grid, point: Vector, ray: Ve
     for _ in range(STEPS):
         above = _quick_depth(directory, depth, grid, point[0] + s * ray[0], point[1] + s * ray[1]) - sinking * s
         if above <= 0.0:
-            return s - step * above / min(above - before, -1e-9)
+            return float(s - step * above / min(above - before, -1e-9))
         before = above
         s += step
     return s
