@@ -24,6 +24,7 @@ FILES = (
     "mission.plan",
     TLOG,
     "scenario.toml",
+    "ruts.npz",  # left out where the scenario says soil.ruts = false
 )
 
 
@@ -41,7 +42,17 @@ def write(folder: Path, traverse: Traverse, sights: Sights, summary: dict[str, A
     traverse.save_mission(folder / "mission.waypoints", folder / "mission.plan")
     sights.save(folder / "camera.png")
     title = f"{summary['scenario']}, seed {summary['seed']}: {summary['reason']} after {summary['distance_m']:.1f} m"
-    data = MapData(traverse.recorder.arrays(), traverse.onboard.ways_w, _perceived(traverse), traverse.events, title)
+    ruts = traverse.ruts
+    if ruts is not None:
+        ruts.save(folder / "ruts.npz")
+    data = MapData(
+        trace=traverse.recorder.arrays(),
+        plans=traverse.onboard.ways_w,
+        perceived=_perceived(traverse),
+        events=traverse.events,
+        title=title,
+        ruts=ruts,
+    )
     save_run_map(folder / "map.png", traverse.world, data)
 
 

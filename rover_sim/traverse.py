@@ -24,6 +24,7 @@ from rover_sim.sim.recorder import TraceRecorder
 from rover_sim.sim.renderer import add_noise, make_renderer
 from rover_sim.sim.rover import RoverModel
 from rover_sim.sim.rover_urdf import wheel_names
+from rover_sim.sim.ruts import SavedRuts
 from rover_sim.sim.simulation import Simulation
 from rover_sim.sim.vehicle_state import VehicleState, trace_columns
 from rover_sim.summary import Identity, summarize
@@ -139,6 +140,12 @@ class Traverse:
     def events(self) -> list[MobilityEvent]:
         """What befell the rover so far."""
         return self._mobility.events
+
+    @property
+    def ruts(self) -> SavedRuts | None:
+        """The ruts driven so far; None where the ground does not deform."""
+        ruts = self._simulation.ruts
+        return None if ruts is None else ruts.copy()
 
     def save_mission(self, waypoints: Path, plan: Path) -> None:
         """Write the mission that the vehicle holds, in both of QGroundControl's formats."""

@@ -197,7 +197,7 @@ def test_an_enclosed_goal_ends_with_a_reason(tmp_path: Path) -> None:
     )
     out = tmp_path / "out"
     assert (
-        main(["run", _scenario(tmp_path, SHORT.replace("60.0", "150.0") + ring), "--seed", "1", "--out", str(out)]) == 1
+        main(["run", _scenario(tmp_path, SHORT.replace("60.0", "150.0") + ring), "--seed", "3", "--out", str(out)]) == 1
     )
     summary = json.loads((out / "summary.json").read_text())
     assert summary["reason"] in {"no_path", "timeout"}

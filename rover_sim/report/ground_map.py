@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
@@ -15,9 +17,14 @@ from worlds.heightfield import contains, grid_points
 from worlds.rock_shape import outlines
 from worlds.types import FloatArray, HeightField, World
 
+if TYPE_CHECKING:
+    from rover_sim.sim.ruts import SavedRuts
+
 SAND = LinearSegmentedColormap.from_list("sand", ["#3b2416", "#a8734a", "#f0d3ae"])
 ROCK = LinearSegmentedColormap.from_list("rock", ["#8d6f5c", "#4a3930", "#17110e"])
 ROCK_EDGE = "#17110e"
+RUT, RUT_OPACITY = (0.12, 0.06, 0.03), 0.55
+DEEP_M = 0.02  # ruts of this depth and more are drawn darkest
 TALL_M = 0.30  # rocks of this height and more are drawn darkest
 
 
@@ -36,6 +43,18 @@ def draw_ground(axes: Axes, world: World) -> None:
         axes.add_patch(Circle(item.position_w[:2], item.radius_m, facecolor="#3d5a80", edgecolor="black", zorder=3))
     _draw_ends(axes, world)
     axes.set(xlim=extent[:2], ylim=extent[2:], xlabel="x east, m", ylabel="y north, m", aspect="equal")
+
+
+def draw_ruts(axes: Axes, ruts: SavedRuts) -> None:
+    """Darken the ground where wheels went, the more the deeper their ruts."""
+    side = ruts.depth_m.shape[1] * ruts.texel_m
+    for (row, column), depth in zip(ruts.tile, ruts.depth_m, strict=True):
+        west, south = ruts.origin_m[0] + column * side, ruts.origin_m[1] + row * side
+        picture = np.zeros((*depth.shape, 4))
+        picture[..., :3] = RUT
+        picture[..., 3] = RUT_OPACITY * np.sqrt(np.clip(depth / DEEP_M, 0.0, 1.0))
+        extent = (west, west + side, south, south + side)
+        axes.imshow(picture, origin="lower", extent=extent, interpolation="nearest", zorder=2)
 
 
 def draw_scale(axes: Axes, world: World) -> None:

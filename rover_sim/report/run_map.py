@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -17,9 +17,12 @@ from matplotlib.patches import Circle
 from numpy.typing import NDArray
 
 from rover_sim.files import atomic_path
-from rover_sim.report.ground_map import draw_ground
+from rover_sim.report.ground_map import draw_ground, draw_ruts
 from rover_sim.sim.mobility_events import Kind, MobilityEvent
 from worlds.types import FloatArray, World
+
+if TYPE_CHECKING:
+    from rover_sim.sim.ruts import SavedRuts
 
 SLIP_SCALE = 0.6  # slip ratio at the upper end of the colour bar
 MARGIN_M = 3.0
@@ -47,6 +50,7 @@ class MapData:
     perceived: FloatArray  # (M, 4): x, y, diameter and one sigma of the place of the remembered rocks
     events: Sequence[MobilityEvent]
     title: str
+    ruts: SavedRuts | None = None
 
 
 def _extent(data: MapData, world: World) -> tuple[float, float, float, float]:
@@ -142,6 +146,8 @@ def run_figure(world: World, data: MapData) -> Figure:
     figure = Figure(figsize=(max(6.5, width + 1.6), width * shape + 2.7), layout="constrained")
     map_axes, profile_axes = figure.subplots(2, 1, height_ratios=(width * shape, 1.6))
     draw_ground(map_axes, world)
+    if data.ruts is not None:
+        draw_ruts(map_axes, data.ruts)
     _draw_events(map_axes, data.events)
     _draw_belief(map_axes, data)
     bar = figure.colorbar(_draw_driven(map_axes, data), ax=map_axes, shrink=0.8, pad=0.01)

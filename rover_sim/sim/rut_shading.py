@@ -85,7 +85,8 @@ def _quick_depth(directory: IntArray, depth: Depths, grid: Grid, x: float, y: fl
     u, v = u - i, v - j
     near = (1 - u) * _texel(directory, depth, j, i) + u * _texel(directory, depth, j, i + 1)
     far = (1 - u) * _texel(directory, depth, j + 1, i) + u * _texel(directory, depth, j + 1, i + 1)
-    return (1 - v) * near + v * far
+    value: float = (1 - v) * near + v * far
+    return value
 
 
 @njit(cache=True, nogil=True, fastmath=True, forceinline=True)

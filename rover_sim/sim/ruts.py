@@ -23,6 +23,34 @@ _FIRST_TILES = 64
 _SPARE_TILES = 32  # more than all wheels can take into use in one step
 
 
+@dataclass(frozen=True, eq=False)
+class SavedRuts:
+    """The ruts of a run: tile k begins at row and column 64 ``tile[k]`` of the texels."""
+
+    depth_m: NDArray[np.float32]  # (T, 64, 64) below the natural ground, negative where soil was piled up
+    tile: IntArray  # (T, 2) row and column of the tile
+    texel_m: float
+    origin_m: tuple[float, float]  # corner of the first texel
+
+    def save(self, path: Path) -> None:
+        """Write a compressed npz with an array for each field, atomically."""
+        with atomic_path(path) as temporary:
+            np.savez_compressed(
+                temporary,
+                depth_m=self.depth_m,
+                tile=self.tile,
+                texel_m=np.float64(self.texel_m),
+                origin_m=np.array(self.origin_m),
+            )
+
+
+def load_ruts(path: Path) -> SavedRuts:
+    """Read what `SavedRuts.save` wrote."""
+    with np.load(path) as data:
+        x0, y0 = data["origin_m"]
+        return SavedRuts(data["depth_m"], data["tile"], float(data["texel_m"]), (float(x0), float(y0)))
+
+
 class RutField:
     """Depths of ruts over one height field; cells of the field have a whole number of texels a side."""
 
@@ -91,16 +119,9 @@ class RutField:
             spans.append(slice(first, min(last, size)))
         return spans[0], spans[1]
 
-    def save(self, path: Path) -> None:
-        """Write the tiles as a compressed npz, atomically; see `load_ruts`."""
-        with atomic_path(path) as temporary:
-            np.savez_compressed(
-                temporary,
-                depth_m=self.depth_m[: self.count],
-                tile=self.places(),
-                texel_m=np.float64(self.texel_m),
-                origin_m=np.array(self.origin_m),
-            )
+    def copy(self) -> SavedRuts:
+        """The ruts as they are now."""
+        return SavedRuts(self.depth_m[: self.count].copy(), self.places(), self.texel_m, self.origin_m)
 
     @property
     def marks(self) -> Marks:
@@ -110,23 +131,6 @@ class RutField:
     def _make_view(self) -> Ruts:
         x0, y0 = self.origin_m
         return (self.directory, self.depth_m, self._changed, self._used, float(x0), float(y0), 1.0 / self.texel_m)
-
-
-@dataclass(frozen=True, eq=False)
-class SavedRuts:
-    """What ``ruts.npz`` holds: tile k begins at row and column 64 ``tile[k]`` of the texels."""
-
-    depth_m: NDArray[np.float32]  # (T, 64, 64) below the natural ground, negative where soil was piled up
-    tile: IntArray  # (T, 2) row and column of the tile
-    texel_m: float
-    origin_m: tuple[float, float]  # corner of the first texel
-
-
-def load_ruts(path: Path) -> SavedRuts:
-    """Read what `RutField.save` wrote."""
-    with np.load(path) as data:
-        x0, y0 = data["origin_m"]
-        return SavedRuts(data["depth_m"], data["tile"], float(data["texel_m"]), (float(x0), float(y0)))
 
 
 def no_marks() -> Marks:
