@@ -27,6 +27,9 @@ class PreparedShapes:
     def collision(self, which: IntArray) -> TriangleMesh:
         return self._part(self._meshes[1], which)
 
+    def face_counts(self) -> tuple[int, int]:
+        return len(self._meshes[0].faces), len(self._meshes[1].faces)
+
     def _part(self, mesh: TriangleMesh, which: IntArray) -> TriangleMesh:
         vertices, faces, owners, count = [np.zeros((0, 3))], [np.zeros((0, 3), np.int32)], [np.zeros(0, np.int32)], 0
         for owner in self.ids[which]:

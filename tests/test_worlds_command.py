@@ -103,6 +103,36 @@ def test_the_map_shows_every_rock_start_and_goal() -> None:
     assert axes.get_legend_handles_labels()[1] == ["start", "goal"]
 
 
+def test_a_part_of_the_map_has_the_rocks_that_reach_into_it() -> None:
+    world = build_world(Scenario(name="map", terrain=Terrain(size_m=(30.0, 12.0), resolution_m=0.1)), 0)
+    axes = Figure().add_subplot()
+    draw_ground(axes, world, (8.0, 12.0, -2.0, 50.0))
+    assert (axes.get_xlim(), axes.get_ylim()) == ((8.0, 12.0), (-2.0, 50.0))
+    drawn = len(axes.collections[0].get_paths())
+    inside = [r for r in world.rocks if 8.0 <= r.position_w[0] <= 12.0 and r.position_w[1] >= -2.0]
+    assert len(inside) <= drawn < len(inside) + 20
+
+
+def test_what_is_too_small_to_see_is_left_out_of_a_large_map(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("rover_sim.report.ground_map.FINEST_SHARE", 100)
+    monkeypatch.setattr("rover_sim.report.ground_map.MOST_PX", 50)
+    world = build_world(Scenario(name="map", terrain=Terrain(size_m=(30.0, 12.0), resolution_m=0.1)), 0)
+    axes = Figure().add_subplot()
+    draw_ground(axes, world)
+    drawn = len(axes.collections[0].get_paths())
+    assert drawn == sum(rock.diameter_m >= 0.3 for rock in world.rocks)
+    assert max(axes.images[0].get_size()) <= 50
+
+
+def test_too_many_faces_are_not_written(
+    tmp_path: Path, scenario_file: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(command, "MOST_FACES", 10)
+    assert run("build", scenario_file, "--out", str(tmp_path / "out")) == 0
+    assert {path.name for path in (tmp_path / "out").iterdir()} == {"world.npz", "scenario.toml"}
+    assert "rocks.glb: not written" in capsys.readouterr().out
+
+
 def test_the_close_up_holds_only_what_is_near() -> None:
     world = build_world(Scenario(name="near", terrain=Terrain(size_m=(30.0, 12.0), resolution_m=0.1)), 0)
     axes = Figure().add_subplot(projection="3d")

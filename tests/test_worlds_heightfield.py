@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from worlds.heightfield import contains, gradient_at, height_at, normal_at, slope_deg
+from worlds.heightfield import contains, gradient_at, height_at, normal_at, slope_deg, window
 from worlds.scenario import Terrain
 from worlds.synthesis import synthesise
 from worlds.types import HeightField
@@ -23,6 +23,23 @@ def test_heights_at_grid_points_between_them_and_outside() -> None:
     assert height_at(SMALL, 10.25, 20.25) == pytest.approx(2.0)  # mean of 0, 1, 3, 4
     assert height_at(SMALL, 99.0, 20.0) == 2.0
     assert height_at(SMALL, [10.0, 11.0], [[20.0], [20.5]]).tolist() == [[0.0, 2.0], [3.0, 5.0]]
+
+
+def test_a_window_holds_its_limits_and_keeps_the_coordinates() -> None:
+    field = ground(size_m=(12.0, 8.0), resolution_m=0.1)
+    part = window(field, (-1.0, 2.0), (-9.0, 0.05))
+    assert part.heights_m.shape == (41, 31)
+    assert part.x_limits_m == pytest.approx((-1.0, 2.0))
+    assert part.y_limits_m == pytest.approx((-4.0, 0.0))
+    assert height_at(part, 0.33, -2.22) == pytest.approx(height_at(field, 0.33, -2.22))
+    assert np.shares_memory(part.heights_m, field.heights_m)
+
+
+def test_steepness_does_not_depend_on_how_it_is_worked_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    field = ground(size_m=(12.0, 8.0), resolution_m=0.1)
+    whole = slope_deg(field)
+    monkeypatch.setattr("worlds.heightfield._BAND_ROWS", 20)  # four bands and one row
+    np.testing.assert_array_equal(slope_deg(field), whole)
 
 
 def test_gradient_and_normal_of_a_plane() -> None:

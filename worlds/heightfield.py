@@ -7,6 +7,8 @@ from numpy.typing import ArrayLike
 
 from worlds.types import BoolArray, FloatArray, HeightField, IntArray
 
+_BAND_ROWS = 512  # worked out at a time, so that a large map needs little memory
+
 
 def height_at(field: HeightField, x_m: ArrayLike, y_m: ArrayLike) -> FloatArray:
     """Height in metres of the bilinear surface at world points, in the broadcast shape of ``x_m`` and ``y_m``.
@@ -42,10 +44,27 @@ def contains(field: HeightField, x_m: ArrayLike, y_m: ArrayLike, margin_m: float
     return np.asarray(inside_x & (y >= south + margin_m) & (y <= north - margin_m))
 
 
+def window(field: HeightField, x_limits_m: tuple[float, float], y_limits_m: tuple[float, float]) -> HeightField:
+    """The part of the field between some x and some y, limits included; a view, not a copy."""
+    x, y = grid_points(field)
+    slack = 1e-6 * field.resolution_m
+    (left, right), (bottom, top) = (
+        np.searchsorted(axis, (low - slack, high + slack)).tolist()
+        for axis, (low, high) in ((x, x_limits_m), (y, y_limits_m))
+    )
+    origin = (field.origin_m[0] + left * field.resolution_m, field.origin_m[1] + bottom * field.resolution_m)
+    return HeightField(field.heights_m[bottom:top, left:right], field.resolution_m, origin)
+
+
 def slope_deg(field: HeightField) -> FloatArray:
     """Steepness (ny, nx) in degrees at the grid points, by central differences."""
-    along_y, along_x = np.gradient(field.heights_m, field.resolution_m)
-    return np.asarray(np.degrees(np.arctan(np.hypot(along_x, along_y))))
+    steepness = np.empty(field.heights_m.shape)
+    for first in range(0, len(steepness), _BAND_ROWS):
+        last, before = min(first + _BAND_ROWS, len(steepness)), max(first - 1, 0)
+        along_y, along_x = np.gradient(field.heights_m[before : last + 1], field.resolution_m)
+        rise = np.hypot(along_x, along_y)[first - before : last - before]
+        steepness[first:last] = np.degrees(np.arctan(rise))
+    return steepness
 
 
 def grid_points(field: HeightField) -> tuple[FloatArray, FloatArray]:

@@ -43,13 +43,12 @@ class SolidShapes:
         return self._mesh(which, COLLISION_LEVELS, COLLISION_SIDES)
 
     def face_counts(self) -> tuple[int, int]:
-        """Faces of all pictures and of all collision meshes."""
-        picture, collision = (
-            sum(levels[number][1].faces for number in level_of(self._rocks.diameters_m, levels).tolist())
-            for levels in (PICTURE_LEVELS, COLLISION_LEVELS)
+        """How many faces all pictures would have, and all collision meshes."""
+        diameters, cylinders = self._rocks.diameters_m, len(self._cylinders)
+        return (
+            _faces(diameters, PICTURE_LEVELS) + 4 * PICTURE_SIDES * cylinders,
+            _faces(diameters, COLLISION_LEVELS) + 4 * COLLISION_SIDES * cylinders,
         )
-        count = len(self._cylinders)
-        return picture + 4 * PICTURE_SIDES * count, collision + 4 * COLLISION_SIDES * count
 
     def _mesh(self, which: IntArray, levels: Levels, sides: int) -> TriangleMesh:
         is_rock = which < len(self._rocks)
@@ -60,6 +59,11 @@ class SolidShapes:
                 cylinder_meshes(cylinders, self._ground, sides),
             ]
         )
+
+
+def _faces(diameters_m: FloatArray, levels: Levels) -> int:
+    counts = np.bincount(level_of(diameters_m, levels), minlength=len(levels))
+    return int(counts @ np.array([detail.faces for _, detail in levels]))
 
 
 def _rock_boxes(rocks: RockTable) -> tuple[FloatArray, FloatArray]:

@@ -177,6 +177,10 @@ class Shapes(Protocol):
         """The same, coarser."""
         ...
 
+    def face_counts(self) -> tuple[int, int]:
+        """How many faces all pictures would have, and all collision meshes."""
+        ...
+
 
 @dataclass(frozen=True, eq=False)
 class Pose:

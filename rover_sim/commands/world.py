@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
 SIZE_CLASSES_M = (0.0, 0.08, 0.2, 0.35, 0.5, 1.0)
 CLOSE_UP_M = 6.0
+MOST_FACES = 3_000_000  # of rocks.glb: about 100 MB
 FORMATS = ("sdf", "urdf", "gltf", "heightmap")
 
 
@@ -74,7 +75,8 @@ def _build(world: World, out: Path | None) -> None:
         )
     write_text(folder / "scenario.toml", dump_scenario(world.scenario))
     written = ["world.npz", "scenario.toml"]
-    if len(world.picture_mesh.faces):
+    faces = world.shapes.face_counts()[0]
+    if 0 < faces <= MOST_FACES:
         with atomic_path(folder / "rocks.glb") as path:
             path.write_bytes(_rocks_glb(world))
         written.append("rocks.glb")
@@ -83,6 +85,8 @@ def _build(world: World, out: Path | None) -> None:
         (folder / "rocks.glb").unlink(missing_ok=True)
     console = Console()
     console.print(summary_table(world))
+    if faces > MOST_FACES:
+        console.print(f"rocks.glb: not written, {faces} faces are too many; export a part with --crop", soft_wrap=True)
     console.print(f"{', '.join(written)}: in {folder}", soft_wrap=True)
 
 
@@ -141,8 +145,8 @@ def _richest_square(world: World) -> tuple[float, float]:
         return (west + east) / 2, (south + north) / 2
     places, areas = world.rocks.position_w[:, :2], world.rocks.diameters_m**2
     candidates = places[:: max(1, len(places) // 200)]
-    near = np.abs(places[None] - candidates[:, None]).max(axis=2) <= half
-    best = candidates[int((near * areas).sum(axis=1).argmax())]
+    near = [float(areas[(np.abs(places - centre) <= half).all(axis=1)].sum()) for centre in candidates]
+    best = candidates[int(np.argmax(near))]
     x = np.clip(best[0], west + half, max(east - half, west + half))
     y = np.clip(best[1], south + half, max(north - half, south + half))
     return float(x), float(y)
@@ -193,8 +197,9 @@ def summary_table(world: World) -> Table:
     table.add_row("slope", f"mean {steepness.mean():.1f}, p90 {np.percentile(steepness, 90):.1f} deg")
     for name, text in _rock_rows(world, (east - west) * (north - south)):
         table.add_row(name, text)
+    faces = world.shapes.face_counts()
     table.add_row("cylinders", f"{len(world.cylinders)}")
-    table.add_row("mesh faces", f"{len(world.picture_mesh.faces)}, for contact {len(world.collision_mesh.faces)}")
+    table.add_row("mesh faces", f"{faces[0]}, for contact {faces[1]}")
     table.add_row("soil", world.soil.name)
     table.add_row("origin", f"latitude {world.origin.latitude_deg:.6f}, longitude {world.origin.longitude_deg:.6f} deg")
     for note in world.notes:

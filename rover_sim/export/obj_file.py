@@ -24,16 +24,16 @@ class Solid:
 
 def write_solids(part: Part, folder: Path) -> tuple[Solid, ...]:
     """Write ground and rocks as OBJ files, and remove those of rocks that an earlier world left."""
-    write_obj(folder / "ground.obj", part.ground_mesh)
     ground = Solid("ground", "ground.obj", "ground.obj", "0.69 0.56 0.40 1")
     rocks = Solid("rocks", "rocks.obj", "rocks_contact.obj", "0.45 0.44 0.40 1")
-    if not len(part.which):
+    if len(part.which):  # first, as there may be too many
+        write_obj(folder / rocks.visual, part.rocks)
+        write_obj(folder / rocks.collision, part.rocks_for_contact)
+    else:
         for name in (rocks.visual, rocks.collision):
             (folder / name).unlink(missing_ok=True)
-        return (ground,)
-    write_obj(folder / rocks.visual, part.rocks)
-    write_obj(folder / rocks.collision, part.rocks_for_contact)
-    return ground, rocks
+    write_obj(folder / ground.visual, part.ground_mesh)
+    return (ground, rocks) if len(part.which) else (ground,)
 
 
 def file_names(solids: tuple[Solid, ...]) -> list[str]:

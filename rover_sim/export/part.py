@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from rover_sim.errors import InputError
-from worlds.heightfield import grid_points
+from worlds.heightfield import grid_points, window
 from worlds.types import FloatArray, HeightField, IntArray, TriangleMesh, World
 
 Box = tuple[float, float, float, float]
@@ -46,13 +46,20 @@ class Part:
 
     @cached_property
     def rocks(self) -> TriangleMesh:
-        """Rocks and cylinders as the camera sees them."""
+        """Rocks and cylinders as the camera sees them; raises `InputError` where there are too many."""
+        self._check()
         return self.world.shapes.picture(self.which)
 
     @cached_property
     def rocks_for_contact(self) -> TriangleMesh:
         """The same, coarser."""
+        self._check()
         return self.world.shapes.collision(self.which)
+
+    def _check(self) -> None:
+        if len(self.which) > MOST_THINGS:
+            text = f"there are {len(self.which)} rocks and cylinders, allowed are {MOST_THINGS}"
+            raise InputError(f"--crop: {text}; choose a part of the map")
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -69,12 +76,12 @@ class Part:
 def part_of(world: World, crop_m: Box | None) -> Part:
     """The world, or the rectangle ``crop_m`` (x0, y0, x1, y1) of it to whole cells.
 
-    Raises `InputError` for a rectangle that is no part of the map and for more rocks than can be exported.
+    Raises `InputError` for a rectangle that is no part of the map.
     """
     low, high = world.shapes.bounds_w
     centre = (low + high)[:, :2] / 2
     if crop_m is None:
-        return _with_few_rocks(Part(world, world.ground, np.arange(len(centre), dtype=np.int32)))
+        return Part(world, world.ground, np.arange(len(centre), dtype=np.int32))
     x0, y0, x1, y1 = crop_m
     (west, east), (south, north) = world.ground.x_limits_m, world.ground.y_limits_m
     if not (west <= x0 < x1 <= east and south <= y0 < y1 <= north):
@@ -82,28 +89,13 @@ def part_of(world: World, crop_m: Box | None) -> Part:
             f"--crop {x0:g} {y0:g} {x1:g} {y1:g}: must be X0 Y0 X1 Y1, X0 < X1 within {west:.2f} to {east:.2f} "
             f"and Y0 < Y1 within {south:.2f} to {north:.2f}"
         )
-    x, y = grid_points(world.ground)
-    slack = 1e-6 * world.ground.resolution_m
-    columns, rows = (slice(*np.searchsorted(axis, (a - slack, b + slack))) for axis, a, b in ((x, x0, x1), (y, y0, y1)))
-    if min(columns.stop - columns.start, rows.stop - rows.start) < LEAST_SAMPLES:
+    ground = window(world.ground, (x0, x1), (y0, y1))
+    if min(ground.heights_m.shape) < LEAST_SAMPLES:
         raise InputError(
             f"--crop {x0:g} {y0:g} {x1:g} {y1:g}: holds fewer than {LEAST_SAMPLES} x {LEAST_SAMPLES} heights"
         )
-    ground = HeightField(
-        world.ground.heights_m[rows, columns],
-        world.ground.resolution_m,
-        (float(x[columns.start]), float(y[rows.start])),
-    )
     inside = ((centre >= (x0, y0)) & (centre <= (x1, y1))).all(axis=1)
-    return _with_few_rocks(Part(world, ground, np.flatnonzero(inside).astype(np.int32)))
-
-
-def _with_few_rocks(part: Part) -> Part:
-    if len(part.which) > MOST_THINGS:
-        raise InputError(
-            f"--crop: there are {len(part.which)} rocks and cylinders, allowed are {MOST_THINGS}; choose a part"
-        )
-    return part
+    return Part(world, ground, np.flatnonzero(inside).astype(np.int32))
 
 
 def y_up(points_m: FloatArray) -> FloatArray:

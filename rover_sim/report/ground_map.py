@@ -13,7 +13,7 @@ from mpl_toolkits.mplot3d.art3d import Poly3DCollection  # type: ignore[import-u
 from mpl_toolkits.mplot3d.axes3d import Axes3D  # type: ignore[import-untyped]
 
 from worlds.geometry import euler_from_quaternion
-from worlds.heightfield import contains, grid_points
+from worlds.heightfield import contains, grid_points, window
 from worlds.rock_shape import outlines
 from worlds.types import FloatArray, HeightField, World
 
@@ -25,24 +25,35 @@ ROCK = LinearSegmentedColormap.from_list("rock", ["#8d6f5c", "#4a3930", "#17110e
 ROCK_EDGE = "#17110e"
 RUT, RUT_OPACITY = (0.12, 0.06, 0.03), 0.55
 DEEP_M = 0.02  # ruts of this depth and more are drawn darkest
+MOST_PX = 2500  # of the shading; no map is printed finer
+FINEST_SHARE = 1500  # a rock smaller than this part of the map's side cannot be seen on it
 TALL_M = 0.30  # rocks of this height and more are drawn darkest
 
 
-def draw_ground(axes: Axes, world: World) -> None:
+Box = tuple[float, float, float, float]
+
+
+def draw_ground(axes: Axes, world: World, box_m: Box | None = None) -> None:
     """Draw shaded ground, filled rock outlines (darker is higher), cylinders, start and goal on metre axes.
 
-    Start and goal carry legend labels; the caller draws the legend. Rocks without a mesh show as shading only.
+    ``box_m`` (left, right, bottom, top): only this part; what is too small to see in it is left out. Start and goal
+    carry legend labels; the caller draws the legend. Rocks without a mesh show as shading only.
     """
-    field = world.ground
+    left, right, bottom, top = box_m or (*world.ground.x_limits_m, *world.ground.y_limits_m)
+    field = window(world.ground, (left, right), (bottom, top))
+    stride = int(np.ceil(max(field.heights_m.shape) / MOST_PX))
+    field = HeightField(field.heights_m[::stride, ::stride], field.resolution_m * stride, field.origin_m)
     half = field.resolution_m / 2.0
     (west, east), (south, north) = field.x_limits_m, field.y_limits_m
     extent = (west - half, east + half, south - half, north + half)
-    axes.imshow(_shade(world), cmap=SAND, vmin=0.0, vmax=1.0, origin="lower", extent=extent, interpolation="bilinear")
-    _draw_rocks(axes, world)
+    shade = _shade(field, _sun(world))
+    axes.imshow(shade, cmap=SAND, vmin=0.0, vmax=1.0, origin="lower", extent=extent, interpolation="bilinear")
+    _draw_rocks(axes, world, (left, right, bottom, top))
     for item in world.cylinders:
         axes.add_patch(Circle(item.position_w[:2], item.radius_m, facecolor="#3d5a80", edgecolor="black", zorder=3))
     _draw_ends(axes, world)
-    axes.set(xlim=extent[:2], ylim=extent[2:], xlabel="x east, m", ylabel="y north, m", aspect="equal")
+    limits = extent if box_m is None else box_m
+    axes.set(xlim=limits[:2], ylim=limits[2:], xlabel="x east, m", ylabel="y north, m", aspect="equal")
 
 
 def draw_ruts(axes: Axes, ruts: SavedRuts) -> None:
@@ -69,14 +80,11 @@ def draw_scale(axes: Axes, world: World) -> None:
 
 def draw_close_up(axes: Axes3D, world: World, centre_m: tuple[float, float], side_m: float) -> None:
     """A square of ground with its rocks in perspective, as the picture mesh has them."""
-    field = world.ground
-    x, y = grid_points(field)
-    columns = np.flatnonzero(np.abs(x - centre_m[0]) <= side_m / 2)
-    rows = np.flatnonzero(np.abs(y - centre_m[1]) <= side_m / 2)
-    patch = HeightField(field.heights_m[np.ix_(rows, columns)], field.resolution_m, (x[columns[0]], y[rows[0]]))
+    (x, y), half = centre_m, side_m / 2
+    patch = window(world.ground, (x - half, x + half), (y - half, y + half))
     ground = _patch_triangles(patch)
     low, high = world.shapes.bounds_w
-    reach = side_m / 2 + (high - low)[:, :2].max(axis=1)
+    reach = half + (high - low)[:, :2].max(axis=1)
     near = (np.abs((low + high)[:, :2] / 2 - centre_m) <= reach[:, None]).all(axis=1)
     mesh = world.shapes.picture(np.flatnonzero(near).astype(np.int32))
     rocks = mesh.vertices_m[mesh.faces]
@@ -97,13 +105,11 @@ def draw_close_up(axes: Axes3D, world: World, centre_m: tuple[float, float], sid
     axes.view_init(elev=35, azim=-70)
 
 
-def _shade(world: World) -> FloatArray:
-    """Brightness (ny, nx) in 0..1 of the bare ground under the scenario's sun."""
-    field = world.ground
+def _shade(field: HeightField, sun: FloatArray) -> FloatArray:
+    """Brightness (ny, nx) in 0..1 of the bare ground with the sun in the direction ``sun`` (3,)."""
     along_y, along_x = np.gradient(field.heights_m, field.resolution_m)
     normal = np.stack([-along_x, -along_y, np.ones_like(along_x)], axis=-1)
     normal /= np.linalg.norm(normal, axis=-1, keepdims=True)
-    sun = _sun(world)
     # Level ground is mid-tone whatever the sun's height.
     return np.asarray(np.clip(0.55 + 0.9 * (normal @ sun - sun[2]), 0.0, 1.0))
 
@@ -114,8 +120,12 @@ def _sun(world: World) -> FloatArray:
     return np.array([np.cos(elevation) * np.cos(azimuth), np.cos(elevation) * np.sin(azimuth), np.sin(elevation)])
 
 
-def _draw_rocks(axes: Axes, world: World) -> None:
-    rocks = world.rocks
+def _draw_rocks(axes: Axes, world: World, box_m: Box) -> None:
+    left, right, bottom, top = box_m
+    smallest = max(right - left, top - bottom) / FINEST_SHARE
+    reach, (x, y) = world.rocks.extents_m[:, 0] / 2, world.rocks.position_w[:, :2].T
+    here = (x >= left - reach) & (x <= right + reach) & (y >= bottom - reach) & (y <= top + reach)
+    rocks = world.rocks.chosen(here & (world.rocks.diameters_m >= smallest))
     if not len(rocks):
         return
     shapes = outlines(rocks.section_ratio, rocks.extents_m[:, 0], rocks.extents_m[:, 1], rocks.yaw_rad)

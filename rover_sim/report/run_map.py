@@ -145,14 +145,14 @@ def run_figure(world: World, data: MapData) -> Figure:
     width = min(MAP_WIDTH_IN, MAP_HEIGHT_IN / shape)
     figure = Figure(figsize=(max(6.5, width + 1.6), width * shape + 2.7), layout="constrained")
     map_axes, profile_axes = figure.subplots(2, 1, height_ratios=(width * shape, 1.6))
-    draw_ground(map_axes, world)
+    draw_ground(map_axes, world, (left, right, bottom, top))
     if data.ruts is not None:
         draw_ruts(map_axes, data.ruts)
     _draw_events(map_axes, data.events)
     _draw_belief(map_axes, data)
     bar = figure.colorbar(_draw_driven(map_axes, data), ax=map_axes, shrink=0.8, pad=0.01)
     bar.set_label("mean slip ratio")
-    map_axes.set(xlim=(left, right), ylim=(bottom, top), title=data.title)
+    map_axes.set_title(data.title)
     _draw_profile(profile_axes, data)
     return figure
 
