@@ -15,8 +15,9 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.knowledge_base import Binarization, Cue, Knowledge, RockCues
-from perception.soil_reference import SoilReference, mean_gradient
+from perception.cues import cue_planes, used_cues
+from perception.knowledge_base import Binarization, Knowledge, RockCues
+from perception.soil_reference import SoilReference
 from worlds.types import BoolArray, ByteArray, FloatArray
 
 SingleArray = NDArray[np.float32]
@@ -47,10 +48,9 @@ def binarize(lab: SingleArray, grey: ByteArray, soil: SoilReference, hidden: Boo
 
 def rock_score(lab: SingleArray, soil: SoilReference, cues: RockCues, window_px: int) -> SingleArray:
     """Score (H, W) in 0..1 that a pixel is rock; without colour, lightness and roughness alone judge."""
-    roughness = mean_gradient(lab[..., 0], window_px)
-    roughness *= np.float32(1.0 / soil.gradient)
-    tables = evidence_tables(cues, coloured=soil.coloured)
-    return np.asarray(_score_kernel(lab, roughness, soil.lab, cues.shade_compensation, tables))
+    names = used_cues(cues, coloured=soil.coloured)
+    planes = cue_planes(lab, soil, names, cues.shade_compensation, window_px)
+    return np.asarray(_score_kernel(planes, evidence_tables(cues, names)))
 
 
 def threshold_map(score: SingleArray, how: Binarization, window_px: int) -> SingleArray:
@@ -82,11 +82,9 @@ def _disc(size_px: int) -> ByteArray:
     return np.asarray(cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size_px, size_px)), dtype=np.uint8)
 
 
-def evidence_tables(cues: RockCues, *, coloured: bool) -> SingleArray:
-    """Sampled evidence of the four cues and the logistic curve, (5, 2 + samples), for the compiled kernel."""
-    silent = Cue(value=(0.0, 1.0), evidence=(0.0, 0.0))
-    colours = (cues.green_red, cues.blue_yellow) if coloured else (silent, silent)
-    rows = [_samples(cue.value, np.array(cue.evidence)) for cue in (cues.lightness, *colours, cues.roughness)]
+def evidence_tables(cues: RockCues, names: tuple[str, ...]) -> SingleArray:
+    """Sampled evidence of the cues ``names`` and the logistic curve, (K + 1, 2 + samples), for the compiled kernel."""
+    rows = [_samples(getattr(cues, name).value, np.array(getattr(cues, name).evidence)) for name in names]
     logistic = np.linspace(-_LOGISTIC_REACH, _LOGISTIC_REACH, _TABLE_STEPS + 1)
     rows.append(_samples(tuple(logistic), 1.0 / (1.0 + np.exp(-logistic - cues.bias))))
     return np.array(rows, dtype=np.float32)
@@ -105,21 +103,16 @@ def _evidence(value: float, table: SingleArray) -> float:
 
 
 @numba.njit(cache=True)
-def _score_kernel(
-    lab: SingleArray, roughness: SingleArray, reference: SingleArray, compensation: float, tables: SingleArray
-) -> SingleArray:
-    """``tables`` (5, 2 + samples): lightness, the two colours, roughness, and the logistic curve of their sum."""
-    height, width = roughness.shape
+def _score_kernel(planes: SingleArray, tables: SingleArray) -> SingleArray:
+    """Logistic curve of the summed evidence: ``planes`` (K, H, W), ``tables`` (K + 1, 2 + samples), the curve last."""
+    count, height, width = planes.shape
     score = np.empty((height, width), dtype=np.float32)
     for y in range(height):
         for x in range(width):
-            # Soil lit less keeps its hue: Lab then scales a* and b* about as it scales L*.
-            dim = 1.0 - compensation + compensation * lab[y, x, 0] / reference[0]
-            total = _evidence(lab[y, x, 0] - reference[0], tables[0])
-            total += _evidence(lab[y, x, 1] - dim * reference[1], tables[1])
-            total += _evidence(lab[y, x, 2] - dim * reference[2], tables[2])
-            total += _evidence(roughness[y, x], tables[3])
-            score[y, x] = _evidence(total, tables[4])
+            total = 0.0
+            for cue in range(count):
+                total += _evidence(planes[cue, y, x], tables[cue])
+            score[y, x] = _evidence(total, tables[count])
     return score
 
 

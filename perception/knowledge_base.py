@@ -66,14 +66,19 @@ class Cue(_Table, frozen=True, kw_only=True):
 
 
 class RockCues(_Table, frozen=True, kw_only=True):
-    """Additive evidence; score = logistic(bias + sum). Lightness and the two colours are CIE Lab minus the soil's."""
+    """Additive evidence of any of the cues; score = logistic(bias + sum). Colours are CIE Lab minus the soil's."""
 
     bias: float
     shade_compensation: float = 0.0  # 1: colours against soil darkened to the pixel's lightness, 0: as it is
-    lightness: Cue
-    green_red: Cue
-    blue_yellow: Cue
-    roughness: Cue  # mean gradient over the soil's own
+    lightness: Cue | None = None
+    green_red: Cue | None = None
+    blue_yellow: Cue | None = None
+    roughness: Cue | None = None  # mean gradient over the soil's own
+
+    def named(self) -> tuple[tuple[str, Cue], ...]:
+        """Name and evidence of the cues that are there."""
+        found = ((name, getattr(self, name)) for name in CUE_NAMES)
+        return tuple((name, cue) for name, cue in found if cue is not None)
 
 
 class Binarization(_Table, frozen=True, kw_only=True):
@@ -165,8 +170,8 @@ def _decode(table: dict[str, Any], source: str) -> Knowledge:
     rules = {key: table.pop(key, {}) for key in ("rock_rules", "terrain_rules")}
     plain = convert_table(table, _File, source)
     check_limits(plain, LIMITS, source)
-    for name in CUE_NAMES:
-        _check_cue(getattr(plain.cues, name), f"{source}: cues.{name}")
+    for name, cue in plain.cues.named():
+        _check_cue(cue, f"{source}: cues.{name}")
     return Knowledge(
         **{field: getattr(plain, field) for field in plain.__struct_fields__},
         rock_rules=_rules(rules["rock_rules"], f"{source}: rock_rules", ROCK_INPUTS),

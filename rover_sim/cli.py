@@ -15,6 +15,8 @@ COMMANDS = {
     "run": "one closed-loop traverse: perceive, plan, upload missions, drive",
     "slope": "slope and traction stress test against published curves",
     "perceive": "the perception pipeline on any picture",
+    "score": "rocks or terrain classes against labels",
+    "learn": "from labelled pictures to a knowledge file, cross-validated",
     "world": "make or picture a world",
 }
 EXIT_INPUT = 2
