@@ -28,7 +28,7 @@ class ContactReader:
         self._any = obstacles.any
         self.obstacles = obstacles.index
         self._wheel_place = {link: place for place, link in enumerate(rover.wheels)}
-        self._before: FloatArray = np.zeros(13)
+        self._before: list[float] = [0.0] * 9  # position, velocity and rate
         self._now: list[tuple[Any, ...]] = []
         self._kept: dict[int, BodyContact] = {}
         self.body: tuple[BodyContact, ...] = ()
@@ -36,7 +36,7 @@ class ContactReader:
     def before_step(self, raw: FloatArray) -> None:
         """Remember the motion (13,) with which obstacles will be met."""
         if self._any:
-            self._before[:] = raw[:13]
+            self._before = [*raw[:3].tolist(), *raw[7:13].tolist()]
 
     def after_step(self, time_s: float) -> None:
         """Read the contacts of the step that ended at ``time_s``."""
@@ -91,8 +91,10 @@ class ContactReader:
         return normals
 
     def _body_contact(self, point: tuple[Any, ...], time_s: float) -> BodyContact:
-        position = np.array(point[_POINT])
-        velocity = self._before[7:10] + np.cross(self._before[10:13], position - self._before[:3])
-        speed = max(-float(velocity @ np.array(point[_NORMAL_TO_ROVER])), 0.0)
-        where = (float(position[0]), float(position[1]), float(position[2]))
-        return BodyContact(self.obstacles.nearest(where), time_s, speed, float(point[_FORCE]), where)
+        x, y, z = point[_POINT]
+        cx, cy, cz, vx, vy, vz, wx, wy, wz = self._before
+        dx, dy, dz = x - cx, y - cy, z - cz
+        nx, ny, nz = point[_NORMAL_TO_ROVER]
+        # Approach of the hull's point, velocity + rate x lever, along the normal.
+        away = nx * (vx + wy * dz - wz * dy) + ny * (vy + wz * dx - wx * dz) + nz * (vz + wx * dy - wy * dx)
+        return BodyContact(self.obstacles.nearest((x, y, z)), time_s, max(-away, 0.0), point[_FORCE], (x, y, z))
