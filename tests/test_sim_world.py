@@ -4,16 +4,19 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
+import trimesh
 
 from rover_sim.sim.bullet import pybullet
 from rover_sim.sim.heightfield_body import add_heightfield
-from rover_sim.sim.obstacle_bodies import REACH_M, ObstacleBodies, mesh_tiles
+from rover_sim.sim.obstacle_bodies import REACH_M, ObstacleBodies
 from rover_sim.sim.obstacle_index import ObstacleIndex
 from rover_sim.sim.world import connect
 from tests.prepared_shapes import NO_MESH, PreparedShapes
 from tests.sim_factory import box_mesh
+from worlds.build import build_world
 from worlds.errors import InputError
 from worlds.heightfield import height_at
+from worlds.scenario import Goal, Rocks, Scenario, Terrain
 from worlds.types import HeightField, TriangleMesh
 
 
@@ -54,15 +57,39 @@ def _joined(*meshes: TriangleMesh) -> TriangleMesh:
     )
 
 
-def test_tiles_keep_every_triangle_within_the_limits() -> None:
-    mesh = _joined(*(box_mesh((k, 0, 0), (k + 0.5, 1, 1), k + 1) for k in range(20)))
-    tiles = list(mesh_tiles(mesh, 50, 120))
-    assert len(tiles) > 1
-    assert all(len(vertices) <= 50 and faces.size <= 120 for vertices, faces in tiles)
-    pieces = np.concatenate([vertices[faces] for vertices, faces in tiles]).reshape(-1, 9)
-    whole = mesh.vertices_m[mesh.faces].reshape(-1, 9)
-    assert np.array_equal(pieces[np.lexsort(pieces.T)], whole[np.lexsort(whole.T)])
-    assert list(mesh_tiles(NO_MESH, 50, 120)) == []
+def test_every_rock_stands_as_its_own_convex_hull(client: int) -> None:
+    rocks = Rocks(cfa=0.1, min_diameter_m=0.2, max_diameter_m=1.2, clear_radius_m=0.5)
+    goal = Goal(position_m=(4.0, 0.0))
+    world = build_world(Scenario(name="w", terrain=Terrain(size_m=(12.0, 12.0)), rocks=rocks, goal=goal), 3)
+    bodies = ObstacleBodies(client, world.shapes)
+    bodies.follow(0.0, 0.0)
+    mesh = world.collision_mesh
+    hulls = [
+        trimesh.convex.convex_hull(mesh.vertices_m[np.unique(mesh.faces[mesh.owner == number])])
+        for number in world.shapes.ids
+    ]
+    rng = np.random.default_rng(0)
+    low, high = mesh.vertices_m.min(axis=0), mesh.vertices_m.max(axis=0)
+    spots = rng.uniform(low[:2], high[:2], (400, 2))
+    for x, y in spots:
+        found = pybullet.rayTest([x, y, 9.0], [x, y, -9.0], physicsClientId=client)[0]
+        tops = [_top(hull, x, y) for hull in hulls]
+        expected = max(tops)
+        assert (found[0] >= 0) == (expected > -9.0)
+        if found[0] >= 0:
+            assert found[3][2] == pytest.approx(expected, abs=5e-3)  # a margin of 1 mm, more on steep sides
+
+
+def _top(hull: trimesh.Trimesh, x: float, y: float) -> float:
+    """Height at which a vertical line enters a convex body; -9 where it misses."""
+    normals, offsets = hull.face_normals, (hull.face_normals * hull.triangles_center).sum(axis=1)
+    level = offsets - normals[:, 0] * x - normals[:, 1] * y
+    upward = normals[:, 2] > 1e-9
+    downward = normals[:, 2] < -1e-9
+    sides = ~upward & ~downward
+    high = (level[upward] / normals[upward, 2]).min()
+    low = (level[downward] / normals[downward, 2]).max()
+    return float(high) if high > low and (level[sides] > 0.0).all() else -9.0
 
 
 def test_contacts_are_given_to_the_nearest_obstacle() -> None:

@@ -1,13 +1,16 @@
 """Rocks and cylinders as static bodies: all of them in a small world, those around the rover in a large one.
 
-PyBullet needs 0.4 ms and 26 kB for a rock and never frees a collision shape, so a large world is cut into square tiles:
-a tile's shape is made when the rover first comes near, its body is there only while the rover is.
+All rocks of a tile are one body, a compound of convex hulls: against the triangles of the rocks a step among big rocks
+took nearly twice as long, and a body for each rock three times. PyBullet never frees a collision shape, so a large world
+is cut into square tiles: a tile's shape is made when the rover first comes near, its body is there only while the rover is.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from math import floor, inf
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 
@@ -21,8 +24,6 @@ TILE_M = 8.0
 REACH_M = 3.0  # the rover may touch what is so far from its middle
 STEP_M = 1.0  # it may move so far before tiles are looked up anew
 
-_MOST_VERTICES = 131_072  # of one mesh given to PyBullet
-_MOST_INDICES = 524_288
 _ROCK_FRICTION = 0.7  # PyBullet multiplies the coefficients of both bodies
 
 Tile = tuple[int, int]
@@ -37,9 +38,9 @@ class ObstacleBodies:
         self._side_m = TILE_M if len(shapes.ids) > MOST_IN_ONE else inf
         self._reach_m = REACH_M + STEP_M + float(((high - low)[:, :2].max(axis=1) / 2).max(initial=0.0))
         self._members = _by_tile((low + high)[:, :2] / 2, self._side_m)
-        self._collision_shapes: dict[Tile, list[int]] = {}
+        self._collision_shapes: dict[Tile, int] = {}
         self._meshes: dict[Tile, TriangleMesh] = {}
-        self._bodies: dict[Tile, list[int]] = {}
+        self._bodies: dict[Tile, int] = {}
         self._looked_up = (inf, inf)
         self.index = ObstacleIndex(shapes.collision(np.zeros(0, dtype=np.int32)))
 
@@ -51,7 +52,7 @@ class ObstacleBodies:
     @property
     def bodies(self) -> tuple[int, ...]:
         """Body numbers of what is there now."""
-        return tuple(body for tile in self._bodies.values() for body in tile)
+        return tuple(self._bodies.values())
 
     def follow(self, x_m: float, y_m: float) -> None:
         """Have everything there that a rover at world x, y may touch; cheap while it has not moved far."""
@@ -63,9 +64,8 @@ class ObstacleBodies:
         if needed == list(self._bodies):
             return
         for tile in [tile for tile in self._bodies if tile not in needed]:
-            for body in self._bodies.pop(tile):
-                pybullet.removeBody(body, physicsClientId=self._client)
-        self._bodies = {tile: self._bodies.get(tile) or self._add(tile) for tile in needed}
+            pybullet.removeBody(self._bodies.pop(tile), physicsClientId=self._client)
+        self._bodies = {tile: self._bodies[tile] if tile in self._bodies else self._add(tile) for tile in needed}
         self.index.take(join([self._meshes[tile] for tile in needed]))
 
     def _around(self, x_m: float, y_m: float) -> Iterator[Tile]:
@@ -80,15 +80,11 @@ class ObstacleBodies:
             for row in spans[1]:
                 yield (column, row)
 
-    def _add(self, tile: Tile) -> list[int]:
-        """Bodies of a tile; one, or several where PyBullet could not hold one."""
+    def _add(self, tile: Tile) -> int:
         if tile not in self._collision_shapes:
-            mesh = self._shapes.collision(self._members[tile])
-            self._meshes[tile] = mesh
-            self._collision_shapes[tile] = [
-                _collision_shape(self._client, *part) for part in mesh_tiles(mesh, _MOST_VERTICES, _MOST_INDICES)
-            ]
-        return [_static_body(self._client, shape) for shape in self._collision_shapes[tile]]
+            self._meshes[tile] = self._shapes.collision(self._members[tile])
+            self._collision_shapes[tile] = _collision_shape(self._client, self._meshes[tile])
+        return _static_body(self._client, self._collision_shapes[tile])
 
 
 def _by_tile(places_m: FloatArray, side_m: float) -> dict[Tile, IntArray]:
@@ -103,36 +99,30 @@ def _by_tile(places_m: FloatArray, side_m: float) -> dict[Tile, IntArray]:
     return {(int(tile[0]), int(tile[1])): part for tile, part in zip(tiles, np.split(order, ends), strict=True)}
 
 
-def _collision_shape(client: int, vertices: FloatArray, faces: IntArray) -> int:
-    return int(
-        pybullet.createCollisionShape(
-            pybullet.GEOM_MESH,
-            vertices=vertices.tolist(),
-            indices=faces.ravel().tolist(),
-            flags=pybullet.GEOM_FORCE_CONCAVE_TRIMESH | pybullet.GEOM_CONCAVE_INTERNAL_EDGE,
-            physicsClientId=client,
-        )
-    )
+def _collision_shape(client: int, mesh: TriangleMesh) -> int:
+    """One shape of the convex hulls of all things in a mesh; PyBullet makes one of each object in a file."""
+    with TemporaryDirectory(prefix="rover-sim-") as folder:
+        path = Path(folder) / "obstacles.obj"
+        path.write_text("".join(_hull_objects(mesh)), encoding="ascii")
+        return int(pybullet.createCollisionShape(pybullet.GEOM_MESH, fileName=str(path), physicsClientId=client))
+
+
+def _hull_objects(mesh: TriangleMesh) -> Iterator[str]:
+    """The vertices of each thing as an object of a Wavefront file, with just so many faces that each is named once."""
+    owners = np.empty(len(mesh.vertices_m), dtype=np.int32)
+    owners[mesh.faces] = mesh.owner[:, None]
+    first = 1
+    for points in np.split(mesh.vertices_m, np.flatnonzero(np.diff(owners)) + 1):
+        yield "o thing\n" + "v %.6f %.6f %.6f\n" * len(points) % tuple(points.ravel().tolist())
+        # A support point is sought among the corners of all faces: named as in the mesh, each would be there six times.
+        corners = first + np.resize(np.arange(len(points)), (-(-len(points) // 3), 3))
+        yield "f %d %d %d\n" * len(corners) % tuple(corners.ravel().tolist())
+        first += len(points)
 
 
 def _static_body(client: int, shape: int) -> int:
-    body = int(pybullet.createMultiBody(0.0, shape, physicsClientId=client))
+    # With a picture of its own PyBullet does not look for one in the file, which is gone.
+    dot = pybullet.createVisualShape(pybullet.GEOM_SPHERE, radius=1e-3, physicsClientId=client)
+    body = int(pybullet.createMultiBody(0.0, shape, dot, physicsClientId=client))
     pybullet.changeDynamics(body, -1, lateralFriction=_ROCK_FRICTION, restitution=0.0, physicsClientId=client)
     return body
-
-
-def mesh_tiles(mesh: TriangleMesh, most_vertices: int, most_indices: int) -> Iterator[tuple[FloatArray, IntArray]]:
-    """Vertices (V, 3) and faces (F, 3) of pieces of a mesh that stay within both limits, by halving its longer side."""
-    if not len(mesh.faces):
-        return
-    stack = [np.arange(len(mesh.faces))]
-    centres = mesh.vertices_m[mesh.faces].mean(axis=1)
-    while stack:
-        chosen = stack.pop()
-        used, faces = np.unique(mesh.faces[chosen], return_inverse=True)
-        if len(used) <= most_vertices and 3 * len(chosen) <= most_indices:
-            yield mesh.vertices_m[used], faces.reshape(-1, 3).astype(np.int32)
-            continue
-        axis = int(np.argmax(np.ptp(centres[chosen, :2], axis=0)))
-        order = chosen[np.argsort(centres[chosen, axis], kind="stable")]
-        stack += [order[len(order) // 2 :], order[: len(order) // 2]]
