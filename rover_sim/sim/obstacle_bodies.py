@@ -1,8 +1,9 @@
 """Rocks and cylinders as static bodies: all of them in a small world, those around the rover in a large one.
 
-All rocks of a tile are one body, a compound of convex hulls: against the triangles of the rocks a step among big rocks
-took nearly twice as long, and a body for each rock three times. PyBullet never frees a collision shape, so a large world
-is cut into square tiles: a tile's shape is made when the rover first comes near, its body is there only while the rover is.
+All rocks of a tile are one body, a compound of convex hulls: against the triangles of the rocks a step among big
+rocks took nearly twice as long, and with a body for each rock three times. PyBullet never frees a collision shape, so a
+large world is cut into square tiles: a tile's shape is made when the rover first comes near, its body is there only
+while the rover is.
 """
 
 from __future__ import annotations
