@@ -45,9 +45,10 @@ def test_bumps_do_not_depend_on_the_bands_they_are_worked_out_in(monkeypatch: py
 
 
 @pytest.mark.slow
-def test_half_a_kilometre_needs_less_than_one_and_a_half_gigabytes() -> None:
+@pytest.mark.parametrize("detail_m", ["0", "0.02"])
+def test_half_a_kilometre_needs_less_than_one_and_a_half_gigabytes(detail_m: str) -> None:
     done = subprocess.run(
-        [sys.executable, str(BENCHMARK), "500", "--one"],
+        [sys.executable, str(BENCHMARK), "500", "--detail", detail_m, "--one"],
         env=os.environ | {"OMP_NUM_THREADS": "1"},
         check=True,
         capture_output=True,

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
+from numpy.typing import NDArray
 
 from worlds.heightfield import grid_points
 from worlds.scenario import Terrain
@@ -63,24 +64,41 @@ def fractal(
     """
     ny, nx = field.heights_m.shape
     periods = np.array([ny - 1, nx - 1]) * field.resolution_m
-    top = np.ceil(periods / band_m[1]).astype(int)
-    wave_y, wave_x = np.meshgrid(np.arange(-top[0], top[0] + 1), np.arange(top[1] + 1), indexing="ij")
-    frequency = np.hypot(wave_y / periods[0], wave_x / periods[1])
-    noise = rng.standard_normal(frequency.shape) + 1j * rng.standard_normal(frequency.shape)
-    amplitude = noise * _spectrum(frequency, min(band_m[0], float(periods.max())), band_m[1])
-    # Only the columns that hold waves: most of the spectrum of a large map is empty.
-    spectrum = np.zeros((ny - 1, min(top[1], (nx - 1) // 2) + 1), dtype=np.complex128)
-    # Waves that the grid cannot hold are left out.
-    fits = (2 * np.abs(wave_y) < ny - 1) & (2 * wave_x < nx - 1)
-    spectrum[wave_y[fits], wave_x[fits]] = amplitude[fits]
-    along_y = np.fft.ifft(spectrum, axis=0)
+    spectrum = _waves((ny - 1, nx - 1), periods, (min(band_m[0], float(periods.max())), band_m[1]), rng)
+    for first in range(0, spectrum.shape[1], BAND_ROWS):
+        columns = spectrum[:, first : first + BAND_ROWS]
+        columns[:] = np.fft.ifft(columns, axis=0)
     heights = np.empty((ny - 1, nx - 1))
     for band in _bands(ny - 1):
-        heights[band] = np.fft.irfft(along_y[band], n=nx - 1, axis=1)
+        heights[band] = np.fft.irfft(spectrum[band], n=nx - 1, axis=1)
+    del spectrum  # as large as the map itself, where the waves go down to its cells
     rms = heights.std()
     heights *= rms_m / rms if rms > 0 else 0.0
     # The hills repeat with the map, so the last row and column are the first again.
     return np.asarray(np.pad(heights, ((0, 1), (0, 1)), mode="wrap"))
+
+
+def _waves(
+    size: tuple[int, int], periods_m: FloatArray, band_m: tuple[float, float], rng: np.random.Generator
+) -> NDArray[np.complex128]:
+    """Amplitudes (ny, columns) of the waves of a map of ``size`` cells in the order of a real transform.
+
+    Only the columns that hold waves: most of the spectrum of a large map is empty. Waves that the grid cannot hold are
+    drawn and left out.
+    """
+    top = np.ceil(periods_m / band_m[1]).astype(int)
+    spectrum = np.zeros((size[0], min(top[1], size[1] // 2) + 1), dtype=np.complex128)
+    wave_x = np.arange(top[1] + 1)
+    held = wave_x[2 * wave_x < size[1]]
+    all_y = np.arange(-top[0], top[0] + 1)
+    for part in (spectrum.real, spectrum.imag):
+        for band in _bands(len(all_y)):
+            noise = rng.standard_normal((len(all_y[band]), len(wave_x)))
+            fits = 2 * np.abs(all_y[band]) < size[0]
+            wave_y = all_y[band][fits]
+            frequency = np.hypot(wave_y[:, None] / periods_m[0], held / periods_m[1])
+            part[wave_y, : len(held)] = noise[fits, : len(held)] * _spectrum(frequency, *band_m)
+    return spectrum
 
 
 def _bands(rows: int) -> Iterator[slice]:
