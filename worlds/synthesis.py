@@ -91,13 +91,15 @@ def _waves(
     wave_x = np.arange(top[1] + 1)
     held = wave_x[2 * wave_x < size[1]]
     all_y = np.arange(-top[0], top[0] + 1)
+    fits = 2 * np.abs(all_y) < size[0]
     for part in (spectrum.real, spectrum.imag):
         for band in _bands(len(all_y)):
             noise = rng.standard_normal((len(all_y[band]), len(wave_x)))
-            fits = 2 * np.abs(all_y[band]) < size[0]
-            wave_y = all_y[band][fits]
-            frequency = np.hypot(wave_y[:, None] / periods_m[0], held / periods_m[1])
-            part[wave_y, : len(held)] = noise[fits, : len(held)] * _spectrum(frequency, *band_m)
+            part[all_y[band][fits[band]], : len(held)] = noise[fits[band], : len(held)]
+    for band in _bands(len(all_y)):
+        wave_y = all_y[band][fits[band]]
+        frequency = np.hypot(wave_y[:, None] / periods_m[0], held / periods_m[1])
+        spectrum[wave_y, : len(held)] *= _spectrum(frequency, *band_m)
     return spectrum
 
 
