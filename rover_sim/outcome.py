@@ -35,6 +35,7 @@ class Limits:
     impact_m_s: float = 0.20  # closing speed at which a touch of the body counts as a crash
     pressing_s: float = 1.0  # the body leans on a rock for this long without a break
     touch_gap_s: float = 0.5  # a touch of the same rock after such a pause is a new collision
+    touch_ends: bool = False  # the first touch of an obstacle, by hull or wheel, is a crash
     embedded_s: float = 5.0  # at least half of the wheels turn for this long while they are embedding
 
 
@@ -75,11 +76,17 @@ class Judge:
     _touched_s: dict[int, float] = field(default_factory=dict)
 
     def look(
-        self, state: VehicleState, contacts: Sequence[BodyContact], step_s: float, *, digging: bool
+        self,
+        state: VehicleState,
+        contacts: Sequence[BodyContact],
+        step_s: float,
+        *,
+        digging: bool,
+        wheel_touched: bool = False,
     ) -> Reason | None:
         """The reason to end now, or None, from the state and the contacts of the hull in the last ``step_s``.
 
-        ``digging``: see `mobility_events.MobilityLog.digging`.
+        ``digging``: see `mobility_events.MobilityLog.digging`; ``wheel_touched``: a wheel met an obstacle since.
         """
         for contact in contacts:
             last_s = self._touched_s.get(contact.obstacle_id, -np.inf)
@@ -87,4 +94,6 @@ class Judge:
             self._touched_s[contact.obstacle_id] = contact.time_s
         self.strain = advance_strain(self.strain, touching=bool(contacts), digging=digging, step_s=step_s)
         impact = max((contact.impact_speed_m_s for contact in contacts), default=0.0)
+        if self.limits.touch_ends and (contacts or wheel_touched):
+            return Reason.COLLISION
         return verdict(self.strain, self.limits, tilt_rad=state.tilt_rad, impact_m_s=impact)

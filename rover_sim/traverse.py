@@ -16,7 +16,7 @@ from rover_sim.autopilot.autopilot import Autopilot
 from rover_sim.mavlink.mission_file import write_plan, write_waypoints
 from rover_sim.mavlink.stack import MavlinkStack
 from rover_sim.onboard import OnboardComputer, Sight
-from rover_sim.outcome import Judge, Reason
+from rover_sim.outcome import Judge, Limits, Reason
 from rover_sim.pacing import WallClock
 from rover_sim.scoring import ClassScore
 from rover_sim.sim.mobility_events import MobilityEvent, MobilityLog, active_kinds
@@ -44,6 +44,7 @@ class RunOptions:
 
     connect: tuple[str, ...] = ()
     realtime: bool = False
+    any_touch_ends: bool = False  # of an obstacle, by hull or wheel
 
 
 @dataclass(frozen=True)
@@ -67,7 +68,8 @@ class Traverse:
         self._camera = rover.camera(scenario.camera)
         self._sensor_model = SensorModel(gravity_m_s2=scenario.gravity_m_s2)
         self._camera_rng = np.random.default_rng([world.seed, CAMERA_STREAM])
-        self.recorder, self._judge, self._classes = TraceRecorder(), Judge(), ClassScore()
+        self.recorder, self._classes = TraceRecorder(), ClassScore()
+        self._judge = Judge(Limits(touch_ends=options.any_touch_ends))
         self._mobility, self._wheel_names = MobilityLog(rover, scenario.gravity_m_s2), wheel_names(rover)
         home = (*scenario.rover.start_m, float(world.start.position_w[2]))
         self._autopilot = Autopilot(self._footprint, home)
@@ -192,8 +194,9 @@ class Traverse:
         begun = self._mobility.look(state, step_s)
         self._stack.narrator.tell(state, begun, self._wheel_names)
         self._record(state)
-        contacts = self._simulation.take_contacts()
-        reason = self._judge.look(state, contacts, step_s, digging=self._mobility.digging(state))
+        contacts, wheel_touched = self._simulation.take_contacts(), self._simulation.take_wheel_touch()
+        digging = self._mobility.digging(state)
+        reason = self._judge.look(state, contacts, step_s, digging=digging, wheel_touched=wheel_touched)
         if reason is not None:
             touched = f"touched obstacle {contacts[0].obstacle_id}" if contacts else ""
             return reason, touched

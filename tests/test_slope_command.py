@@ -9,10 +9,12 @@ from typing import Any
 
 import pytest
 
+from rover_sim import parallel
 from rover_sim.cli import main
 from rover_sim.commands.slope import parse_slopes
+from rover_sim.parallel import run_tasks
 from rover_sim.slope import campaign
-from rover_sim.slope.campaign import Campaign, Point, Task, of_kind, run_tasks
+from rover_sim.slope.campaign import Campaign, Point, Task, of_kind
 from rover_sim.slope.rig import SlopePoint
 
 ROW_KEYS = {
@@ -134,7 +136,7 @@ def test_an_interrupted_campaign_keeps_what_is_done(
         raise KeyboardInterrupt
 
     (tmp_path / "slope.png").write_bytes(b"old")
-    monkeypatch.setattr(campaign, "run_tasks", stopped)
+    monkeypatch.setattr(parallel, "run_tasks", stopped)
     assert main([*QUICK, str(tmp_path)]) == 130
     report = json.loads((tmp_path / "slope.json").read_text())
     assert report["complete"] is False

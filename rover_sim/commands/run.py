@@ -11,6 +11,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from rover_sim.arguments import seed
+
 if TYPE_CHECKING:
     from rover_sim.traverse import Status
     from worlds.scenario import Scenario
@@ -39,7 +41,7 @@ TABLE = {
 def configure(parser: argparse.ArgumentParser) -> None:
     """The arguments of the command."""
     parser.add_argument("scenario", nargs="?", default="demo", help="shipped name or TOML path (default: demo)")
-    parser.add_argument("--seed", type=_seed, default=0, help="world and sensor noise, 0 to 2^32 - 1 (default: 0)")
+    parser.add_argument("--seed", type=seed, default=0, help="world and sensor noise, 0 to 2^32 - 1 (default: 0)")
     parser.add_argument("--out", type=Path, help="folder for the results (default: runs/NAME-SEED)")
     parser.add_argument("--realtime", action="store_true", help="no faster than the wall clock")
     parser.add_argument(
@@ -52,13 +54,6 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--record-video", action="store_true", help="also write camera.mp4: every picture with what was seen in it"
     )
-
-
-def _seed(text: str) -> int:
-    """A seed; raises the argparse error that names what is allowed."""
-    if not text.isdecimal() or int(text) >= 2**32:
-        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number from 0 to 4294967295")
-    return int(text)
 
 
 def execute(args: argparse.Namespace) -> int:

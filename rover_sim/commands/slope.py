@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import argparse
 import math
-import os
-import signal
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
+from rover_sim.arguments import worker_count
 from rover_sim.errors import InputError
 
 if TYPE_CHECKING:
@@ -47,7 +46,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--rover", default="husky", metavar="MODEL", help="shipped name or TOML file (default: husky)")
     parser.add_argument("--load", type=_in(0.0, 1e4), default=0.0, metavar="KG", help="on the deck (default: none)")
     parser.add_argument("--speed", type=_in(0.01, 5.0), default=0.1, metavar="M/S", help="of the rims (default: 0.1)")
-    parser.add_argument("--workers", type=_workers, default=0, metavar="N", help="processes (default: one a core)")
+    parser.add_argument("--workers", type=worker_count, default=0, metavar="N", help="processes (default: one a core)")
     parser.add_argument("--out", type=Path, default=Path("slope"), metavar="DIR", help="default: slope")
 
 
@@ -90,29 +89,22 @@ def _in(low: float, high: float) -> Callable[[str], float]:
     return parse
 
 
-def _workers(text: str) -> int:
-    """A number of processes."""
-    if not text.isdecimal() or not 1 <= int(text) <= 256:
-        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number from 1 to 256")
-    return int(text)
-
-
 def execute(args: argparse.Namespace) -> int:
     """Measure everything; 0 also where points lie outside their bands, as the files say which."""
+    from rover_sim import parallel
     from rover_sim.files import output_folder
     from rover_sim.report.slope_plot import save_slope_plot
     from rover_sim.slope import files
-    from rover_sim.slope.campaign import run_tasks
 
     campaign = _campaign(args)
     tasks = campaign.tasks()
     folder = output_folder(args.out)
     files.clear(folder)
     points: dict[int, Point] = {}
-    workers = min(args.workers or len(os.sched_getaffinity(0)), len(tasks))
+    workers = min(args.workers or parallel.cores(), len(tasks))
     try:
-        with _terminable(), _progress_bar(len(tasks)) as show:
-            for place, point in run_tasks(tasks, workers):
+        with parallel.terminable(), _progress_bar(len(tasks)) as show:
+            for place, point in parallel.run_tasks(tasks, workers):
                 points[place] = point
                 files.write(folder, campaign, points, complete=len(points) == len(tasks))
                 show(point)
@@ -147,20 +139,6 @@ def _campaign(args: argparse.Namespace) -> Campaign:
     if args.speed > fastest:
         raise InputError(f"--speed {args.speed:g}: the {args.rover} reaches {fastest:.2f} m/s; give that or less")
     return campaign
-
-
-@contextmanager
-def _terminable() -> Iterator[None]:
-    """A termination signal ends the campaign as Ctrl-C does."""
-
-    def interrupt(*_: object) -> None:
-        raise KeyboardInterrupt
-
-    before = signal.signal(signal.SIGTERM, interrupt)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGTERM, before)
 
 
 @contextmanager

@@ -31,6 +31,7 @@ class ContactReader:
         self._before: list[float] = [0.0] * 9  # position, velocity and rate
         self._now: list[tuple[Any, ...]] = []
         self._kept: dict[int, BodyContact] = {}
+        self._wheel_touched = False
         self.body: tuple[BodyContact, ...] = ()
 
     def before_step(self, raw: FloatArray) -> None:
@@ -45,6 +46,7 @@ class ContactReader:
         found = pybullet.getContactPoints(bodyA=self._rover.body, physicsClientId=self._client)
         self._now = [point for point in found if point[_FORCE] > 0.0] if found else []
         hull = [point for point in self._now if point[_LINK] not in self._wheel_place]
+        self._wheel_touched = self._wheel_touched or len(hull) < len(self._now)
         self.body = tuple(self._body_contact(point, time_s) for point in hull)
         for contact in self.body:
             known = self._kept.get(contact.obstacle_id)
@@ -56,6 +58,11 @@ class ContactReader:
         taken = tuple(self._kept.values())
         self._kept.clear()
         return taken
+
+    def take_wheel_touch(self) -> bool:
+        """Whether a wheel has touched an obstacle since the last call."""
+        touched, self._wheel_touched = self._wheel_touched, False
+        return touched
 
     def wheel_loads(self) -> FloatArray:
         """Normal force (n,) of rocks on each wheel."""

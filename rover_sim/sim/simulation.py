@@ -127,6 +127,10 @@ class Simulation:
         """Contacts of the hull with obstacles since the last call, the hardest of each obstacle."""
         return self._contacts.take()
 
+    def take_wheel_touch(self) -> bool:
+        """Whether a wheel has touched an obstacle since the last call."""
+        return self._contacts.take_wheel_touch()
+
     def close(self) -> None:
         """Free the physics client; harmless when repeated."""
         if self._client >= 0:
@@ -158,6 +162,7 @@ class Simulation:
                 break
         self._start_clock()
         self._contacts.take()
+        self._contacts.take_wheel_touch()
         self._sensors.start(self._ground.raw, self._wheel_angles)
 
     def _command(self, speeds: Sequence[float]) -> None:

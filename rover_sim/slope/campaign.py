@@ -1,15 +1,10 @@
-"""All tests of one campaign: what is to be measured, on how many cores, and what came out."""
+"""All tests of one campaign: what is to be measured, and what came out."""
 
 from __future__ import annotations
 
-import os
-import signal
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import Future, ProcessPoolExecutor, as_completed
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
-from multiprocessing import get_context
 from typing import TypeVar
 
 from rover_sim.slope.drawbar import IMPOSED_SLIPS, DrawbarPoint, measure_drawbar
@@ -20,8 +15,6 @@ from rover_sim.slope.turning import RADII_IN_TRACKS, TurnPoint, measure_turn
 Point = SlopePoint | TurnPoint | DrawbarPoint | TiltPoint
 Task = Callable[[], Point]
 P = TypeVar("P", SlopePoint, TurnPoint, DrawbarPoint, TiltPoint)
-
-_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 
 @dataclass(frozen=True)
@@ -58,47 +51,3 @@ class Campaign:
 def of_kind(points: Mapping[int, Point], kind: type[P]) -> list[P]:
     """The points of one test, in the order of their tasks."""
     return [point for _, point in sorted(points.items()) if isinstance(point, kind)]
-
-
-def run_tasks(tasks: Sequence[Task], workers: int) -> Iterator[tuple[int, Point]]:
-    """Place and result of each task as it is done; with one worker in this process and in order.
-
-    When the caller stops early, by an error or by Ctrl-C, tasks that have not begun are dropped.
-    """
-    if workers == 1:
-        yield from ((place, task()) for place, task in enumerate(tasks))
-        return
-    with _one_thread_each():
-        pool = ProcessPoolExecutor(workers, get_context("spawn"))
-        try:
-            with _deaf_to_interrupts():  # inherited by the workers, which the first task starts
-                places: dict[Future[Point], int] = {pool.submit(task): place for place, task in enumerate(tasks)}
-            for done in as_completed(places):
-                yield places[done], done.result()
-        finally:
-            pool.shutdown(cancel_futures=True)
-
-
-@contextmanager
-def _one_thread_each() -> Iterator[None]:
-    """Numerical libraries of the workers stay on one thread; each has its core."""
-    before = {name: os.environ.get(name) for name in _THREADS}
-    os.environ.update(dict.fromkeys(_THREADS, "1"))
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                del os.environ[name]
-            else:
-                os.environ[name] = value
-
-
-@contextmanager
-def _deaf_to_interrupts() -> Iterator[None]:
-    """Processes started meanwhile leave Ctrl-C to this one, which stops them in order."""
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, before)

@@ -1,0 +1,1 @@
+"""Trial suites: many traverses over a grid of conditions, their table and their report."""

@@ -1,0 +1,75 @@
+"""The way that somebody who knew the true map could drive: for SPL, and to tell a refusal from a failure."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from planner.obstacle_map import obstacle_grid, segment_clearance
+from planner.row_kernels import cost_to_go
+from worlds.types import FloatArray, Footprint, World
+
+STEP_M = 0.05
+AROUND_M = 6.0  # ground beside start and goal that a way round may use
+
+
+def oracle_length_m(world: World, footprint: Footprint) -> float | None:
+    """Length of about the shortest way into the goal's circle; None where there is none.
+
+    The way keeps half the rover's width from every obstacle higher than its belly. Turning needs room too, which this
+    leaves out.
+    """
+    table = _obstacles(world, footprint.clearance_m)
+    need = footprint.width_m / 2.0
+    start, goal = world.start.position_w[:2], np.asarray(world.goal_w[:2])
+    low, high = _limits(world, start, goal)
+    shape = (round((high[0] - low[0]) / STEP_M) + 1, round((high[1] - low[1]) / STEP_M) + 1)
+    grid = obstacle_grid(
+        table, (low[0], low[0] + STEP_M * (shape[0] - 1)), (low[1], low[1] + STEP_M * (shape[1] - 1)), shape
+    )
+    places = np.stack(np.meshgrid(*(low[axis] + STEP_M * np.arange(shape[axis]) for axis in (0, 1)), indexing="ij"), -1)
+    cost = np.where(grid.clearance_m >= need, 1.0, np.inf)
+    radius = max(world.scenario.goal.radius_m, STEP_M)
+    inside = (np.linalg.norm(places - goal, axis=-1) <= radius) & np.isfinite(cost)
+    to_go, onward = cost_to_go(cost, np.where(inside, 0.0, np.inf), STEP_M)
+    first = tuple(int(value) for value in np.round((start - low) / STEP_M))
+    if not np.isfinite(to_go[first]):
+        return None
+    cells = [first[0] * shape[1] + first[1]]
+    while onward.flat[cells[-1]] >= 0:
+        cells.append(int(onward.flat[cells[-1]]))
+    way = places.reshape(-1, 2)[cells]
+    return float(np.linalg.norm(np.diff(_pulled(way, table, need - STEP_M), axis=0), axis=1).sum())
+
+
+def _obstacles(world: World, height_m: float) -> FloatArray:
+    """Obstacles (N, 7) as in `planner.obstacle_map.obstacles`, from the true rocks and cylinders above a height."""
+    length, width, height = world.rocks.extents_m.T
+    half = 0.5 * np.maximum(length - width, 0.0)
+    yaw = world.rocks.yaw_rad
+    axis = half[:, None] * np.stack([np.cos(yaw), np.sin(yaw)], axis=1)
+    centre = world.rocks.position_w[:, :2]
+    one = np.ones(len(height))
+    rocks = np.column_stack([centre - axis, centre + axis, 0.5 * np.minimum(width, length), one, one])
+    pillars = [(*item.position_w[:2], *item.position_w[:2], item.radius_m, 1.0, 1.0) for item in world.cylinders]
+    return np.concatenate([rocks[height > height_m], np.array(pillars, dtype=np.float64).reshape(-1, 7)])
+
+
+def _limits(world: World, start: FloatArray, goal: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Corners of the ground that counts: around start and goal, and on the map."""
+    x, y = world.ground.x_limits_m, world.ground.y_limits_m
+    edges = np.array([[x[0], y[0]], [x[1], y[1]]])
+    return np.maximum(np.minimum(start, goal) - AROUND_M, edges[0]), np.minimum(
+        np.maximum(start, goal) + AROUND_M, edges[1]
+    )
+
+
+def _pulled(way: FloatArray, table: FloatArray, need_m: float) -> FloatArray:
+    """The way pulled taut: points between which the straight line is free are left out."""
+    kept, place = [way[0]], 0
+    while place < len(way) - 1:
+        ahead = len(way) - 1
+        while ahead > place + 1 and segment_clearance(table, way[[place, ahead]]).min() < need_m:
+            ahead = place + max(1, (ahead - place) * 3 // 4)
+        kept.append(way[ahead])
+        place = ahead
+    return np.array(kept)
