@@ -9,6 +9,7 @@ from collections.abc import Callable
 from functools import partial
 from math import hypot, pi
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -39,7 +40,12 @@ def _row(
     reason: str = "goal",
     version: str = "0.1.0",
 ) -> Row:
-    metrics = {"oracle_length_m": oracle_m, "spl": 0.8 if success else 0.0, "violations": [], "distance_m": 12.0}
+    metrics: dict[str, Any] = {
+        "oracle_length_m": oracle_m,
+        "spl": 0.8 if success else 0.0,
+        "violations": [],
+        "distance_m": 12.0,
+    }
     return Row(f"k{number}", "nav", {"cfa": 0.1}, number, success, reason, metrics, None, 1.0, version)
 
 
