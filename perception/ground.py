@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from perception.camera import rays_w
-from worlds.types import CameraModel, FloatArray, GroundPlane, Pose
+from perception.camera import grid_rays_c, rays_w
+from worlds.geometry import rotation_from_quaternion
+from worlds.types import BoolArray, CameraModel, FloatArray, GroundPlane, Pose
 
 
 def height_over(plane: GroundPlane, points_w: FloatArray) -> FloatArray:
@@ -31,17 +32,17 @@ def depression_rad(camera: CameraModel, camera_pose: Pose, plane: GroundPlane, p
     return np.asarray(np.arcsin(-(rays @ plane.normal_w) / np.linalg.norm(rays, axis=-1)))
 
 
-def horizon_rows(
-    camera: CameraModel, camera_pose: Pose, plane: GroundPlane, columns: FloatArray, dip_rad: float = 0.0
-) -> FloatArray:
-    """Picture rows (N,) of the plane's horizon at ``columns`` (N,); ground lies below (greater rows).
+def beyond_horizon(
+    camera: CameraModel, camera_pose: Pose, plane: GroundPlane, shape: tuple[int, int], dip_rad: float = 0.0
+) -> BoolArray:
+    """Pixels (rows, columns) of a picture of ``shape`` above the plane's horizon, or where the lens sees nothing.
 
-    ``dip_rad`` lowers the line by that depression angle, to first order: what lies above it is too far to judge.
+    ``dip_rad`` lowers the line by that depression angle: what lies above it is too far to judge. Through a real lens
+    the horizon is a curve, so each pixel is asked for its own ray.
     """
-    # The fall of a ray is linear in (column, row): two probes give the line where it equals tan(dip).
-    base, down = rays_w(camera, camera_pose, np.array([[0.0, 0.0], [0.0, 1.0]])) @ plane.normal_w
-    right = rays_w(camera, camera_pose, np.array([1.0, 0.0])) @ plane.normal_w - base
-    return np.asarray((-np.tan(dip_rad) - base - right * np.asarray(columns, dtype=float)) / (down - base))
+    normal_c = rotation_from_quaternion(camera_pose.quaternion_w).T @ plane.normal_w
+    fall = -(grid_rays_c(camera, shape) @ normal_c)
+    return np.asarray(~(fall >= np.sin(dip_rad)))
 
 
 def ground_range(camera_pose: Pose, plane: GroundPlane, points_w: FloatArray) -> FloatArray:

@@ -34,7 +34,7 @@ def rock_samples(image: ByteArray, truth: BoolArray, know: Knowledge) -> RockSam
     picture = working_picture(image)
     lab, _ = smoothed(picture, know.binarization.blur_px)
     grey = picture if picture.ndim == 2 else np.asarray(cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY), dtype=np.uint8)
-    hidden = hidden_mask(grey, lab, None, (1.0, 1.0), know)
+    hidden = hidden_mask(grey, lab, None, know)
     soil = soil_reference(lab, hidden, know.soil)
     names = used_cues(know.cues, coloured=True)
     window = know.binarization.roughness_window_px

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from perception.binarize import Binarized, SingleArray, binarize
 from perception.blobs import Blobs, find_blobs, select
-from perception.ground import footprint, horizon_rows, window_centres
+from perception.ground import beyond_horizon, footprint, window_centres
 from perception.knowledge_base import Knowledge, load_knowledge
 from perception.rock_classifier import blob_features, rock_certainty
 from perception.rock_geometry import RockOutlines, outlines
@@ -76,7 +76,7 @@ def examine(image: ByteArray, knowledge: Knowledge, view: View | None = None) ->
     scale = (image.shape[1] / WORKING_SIZE_PX[0], image.shape[0] / WORKING_SIZE_PX[1])
     lab, soft_grey = smoothed(picture, knowledge.binarization.blur_px)
     grey = picture if picture.ndim == 2 else np.asarray(cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY), dtype=np.uint8)
-    hidden = hidden_mask(grey, lab, view, scale, knowledge)
+    hidden = hidden_mask(grey, lab, view, knowledge)
     soil = soil_reference(lab, hidden, knowledge.soil)
     found = binarize(even_light(lab, soil), soft_grey, soil, hidden, knowledge)
     blobs, certainty = classify_blobs(grey, found, hidden, knowledge)
@@ -127,17 +127,14 @@ def smoothed(picture: ByteArray, blur_px: float) -> tuple[SingleArray, ByteArray
     return np.asarray(lab, dtype=np.float32), np.asarray(grey, dtype=np.uint8)
 
 
-def hidden_mask(
-    grey: ByteArray, lab: SingleArray, view: View | None, scale: tuple[float, float], know: Knowledge
-) -> BoolArray:
+def hidden_mask(grey: ByteArray, lab: SingleArray, view: View | None, know: Knowledge) -> BoolArray:
     """Pixels (H, W) that show no ground near enough to judge: black, sky, or above the (dipped) horizon."""
     hidden = grey <= _BLACK
     if view is None:
         return np.asarray(hidden | sky_mask(lab, hidden, know.sky))
-    columns = (np.arange(hidden.shape[1], dtype=np.float64) + 0.5) * scale[0]
-    dip = np.deg2rad(know.ground.horizon_dip_deg)
-    rows = horizon_rows(view.camera, view.pose, view.plane, columns, float(dip)) / scale[1]
-    return np.asarray(hidden | (np.arange(hidden.shape[0])[:, None] + 0.5 < rows))
+    dip = float(np.deg2rad(know.ground.horizon_dip_deg))
+    shape = (hidden.shape[0], hidden.shape[1])
+    return np.asarray(hidden | beyond_horizon(view.camera, view.pose, view.plane, shape, dip))
 
 
 def classify_blobs(

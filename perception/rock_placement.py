@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from perception.camera import project, rays_w
+from perception.camera import project, rays_c, rays_w
 from perception.ground import ground_points, ground_range, height_over, range_sd
 from perception.knowledge_base import GroundKnowledge
 from perception.rock_geometry import RockOutlines
@@ -49,11 +49,13 @@ def place_rocks(
     """Ground rocks, one a blob, None beyond the range; ``scale`` turns outline pixels into the camera's."""
     left, right = shape.left_px * scale[0], shape.right_px * scale[0]
     middle = (left + right) / 2.0
-    near_w = ground_points(view.camera, view.pose, view.plane, np.column_stack([middle, shape.base_px * scale[1]]))
+    base = shape.base_px * scale[1]
+    near_w = ground_points(view.camera, view.pose, view.plane, np.column_stack([middle, base]))
     near_range = ground_range(view.pose, view.plane, near_w)
     foot = view.pose.position_w - view.height_m * view.plane.normal_w
     ahead = (near_w - foot) / near_range[:, None]
-    breadth = _breadth(view, near_w, ahead, right - left)
+    ends = [rays_c(view.camera, np.column_stack([column, base]))[:, 0] for column in (left, right)]
+    breadth = _breadth(view, near_w, ahead, ends[1] - ends[0])
     top = rays_w(view.camera, view.pose, np.column_stack([middle, shape.top_px * scale[1]]))
     half_depth, height = depth_and_height(view.height_m, near_range, breadth, _fall(top, view.plane))
     centre_w = near_w + half_depth[:, None] * ahead
@@ -102,11 +104,10 @@ def depth_and_height(
     return half_depth, height
 
 
-def _breadth(view: View, near_w: FloatArray, ahead: FloatArray, width_px: FloatArray) -> FloatArray:
-    """Breadth (R,) in metres of what spans ``width_px`` at the depth of the middle of an equally deep rock."""
+def _breadth(view: View, near_w: FloatArray, ahead: FloatArray, spread: FloatArray) -> FloatArray:
+    """Breadth (R,) in metres of what spans ``spread`` at depth 1, at the depth of an equally deep rock's middle."""
     forward = rotation_from_quaternion(view.pose.quaternion_w)[:, 2]
     _, depth = project(view.camera, view.pose, near_w)
-    spread = width_px / view.camera.focal_px
     # breadth = spread * (depth + breadth / 2 * cosine), solved for the breadth.
     return np.asarray(spread * depth / np.maximum(1.0 - 0.5 * spread * (ahead @ forward), 0.2))
 

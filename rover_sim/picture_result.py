@@ -1,76 +1,17 @@
-"""What `perceive` reports of one picture, in the picture's own pixels, and the camera that it is reported for."""
+"""What `perceive` reports of one picture, in the picture's own pixels."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 import msgspec
 import numpy as np
 
-from perception.pipeline import ImageRock, Perception, View
+from perception.pipeline import ImageRock, Perception
 from rover_sim import __version__
-from rover_sim.errors import InputError
+from rover_sim.camera_file import CameraFile, default_camera
 from rover_sim.picture_paths import PicturePath
-from rover_sim.sim.rover import load_rover
-from worlds.geometry import camera_pose, quaternion_from_euler
-from worlds.scenario import Camera
-from worlds.strict_toml import Limits, check_limits, convert_table, read_table
-from worlds.types import CameraModel, GroundPlane, Pose
-
-_LIMITS: Limits = {
-    "width": (1, 100_000),
-    "height": (1, 100_000),
-    "fov_deg": (1.0, 170.0),
-    "pitch_deg": (-89.0, 89.0),
-    "height_m": (0.01, 1000.0),
-}
-_SHAPE_TOLERANCE = 0.01  # of the aspect ratio
-
-
-class CameraFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """A camera over level ground; ``fov_deg`` is horizontal, ``pitch_deg`` positive looking down."""
-
-    width: int
-    height: int
-    fov_deg: float
-    pitch_deg: float
-    height_m: float
-
-
-def load_camera(path: Path) -> CameraFile:
-    """The camera of a TOML file; InputError names the file, the key and what is allowed."""
-    camera = convert_table(read_table(path), CameraFile, str(path))
-    check_limits(camera, _LIMITS, str(path))
-    return camera
-
-
-def default_camera(size: tuple[int, int]) -> CameraFile:
-    """The simulated rover's camera, for a picture of ``size`` (width, height) of which nothing is known."""
-    usual, height_m = Camera(), load_rover("husky").mast.height_m
-    return CameraFile(
-        width=size[0], height=size[1], fov_deg=usual.fov_deg, pitch_deg=usual.pitch_deg, height_m=height_m
-    )
-
-
-def camera_view(camera: CameraFile, size: tuple[int, int], source: str) -> View:
-    """View of a picture of ``size`` over level ground, the camera above x = y = 0, looking along x.
-
-    A picture of the same shape but another size is taken as scaled. Raises InputError where the shapes differ.
-    """
-    ratio = size[0] * camera.height / (size[1] * camera.width)
-    if abs(ratio - 1.0) > _SHAPE_TOLERANCE:
-        raise InputError(
-            f"{source}: is {size[0]} x {size[1]} px, the camera file says {camera.width} x {camera.height}; "
-            "the picture must have the camera's shape"
-        )
-    focal = size[0] / 2.0 / np.tan(np.deg2rad(camera.fov_deg) / 2.0)
-    model = CameraModel(
-        size[0], size[1], float(focal), (0.0, 0.0, camera.height_m), float(np.deg2rad(camera.pitch_deg))
-    )
-    pose = camera_pose(Pose(np.zeros(3), quaternion_from_euler(0.0, 0.0, 0.0)), model)
-    return View(model, pose, GroundPlane(np.zeros(3), np.array([0.0, 0.0, 1.0])))
 
 
 def result_table(

@@ -7,11 +7,11 @@ from hypothesis import strategies as st
 
 from perception.camera import project, rays_c
 from perception.ground import (
+    beyond_horizon,
     depression_rad,
     footprint,
     ground_points,
     ground_range,
-    horizon_rows,
     range_sd,
     window_centres,
 )
@@ -70,19 +70,27 @@ def test_points_behind_have_no_pixel() -> None:
 
 
 def test_the_horizon_of_a_level_camera_is_one_row() -> None:
-    rows = horizon_rows(CAMERA, pose_at(), LEVEL, np.array([0.0, 160.0, 320.0]))
-    assert rows == pytest.approx(120.0 - 207.8 * np.tan(np.deg2rad(25.0)))
+    row = 120.0 - 207.8 * np.tan(np.deg2rad(25.0))  # 23.1
+    far = beyond_horizon(CAMERA, pose_at(), LEVEL, (240, 320))
+    assert (far == (np.arange(240)[:, None] + 0.5 < row)).all()
 
 
-def test_roll_tilts_the_horizon_and_pixels_on_it_never_meet_the_ground() -> None:
-    columns = np.array([10.0, 160.0, 310.0])
+def test_roll_tilts_the_horizon_and_pixels_over_it_never_meet_the_ground() -> None:
     pose = pose_at(roll=0.1, pitch=-0.05)
-    rows = horizon_rows(CAMERA, pose, LEVEL, columns)
+    far = beyond_horizon(CAMERA, pose, LEVEL, (240, 320))
+    rows = far.sum(axis=0)
     # Rolled to the right side down, the horizon rises on the right.
-    assert rows[0] > rows[1] > rows[2]
-    assert depression_rad(CAMERA, pose, LEVEL, np.column_stack([columns, rows])) == pytest.approx(0.0, abs=1e-12)
-    assert np.isnan(ground_points(CAMERA, pose, LEVEL, np.column_stack([columns, rows - 1.0]))).all()
-    assert not np.isnan(ground_points(CAMERA, pose, LEVEL, np.column_stack([columns, rows + 1.0]))).any()
+    assert rows[0] > rows[160] > rows[319]
+    pixels = np.stack(np.meshgrid(np.arange(320) + 0.5, np.arange(240) + 0.5), axis=-1)
+    assert (np.isnan(ground_points(CAMERA, pose, LEVEL, pixels)[..., 0]) == far).all()
+
+
+def test_the_dip_is_an_angle_under_the_horizon() -> None:
+    dip = np.deg2rad(2.0)
+    far = beyond_horizon(CAMERA, pose_at(), LEVEL, (240, 320), float(dip))
+    edge = np.stack([np.arange(320) + 0.5, far.sum(axis=0).astype(float)], axis=-1)
+    below = depression_rad(CAMERA, pose_at(), LEVEL, edge)
+    assert below == pytest.approx(np.full(320, dip), abs=0.5 / 207.8)
 
 
 def test_uncertainty_grows_with_range_as_worked_by_hand() -> None:

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, fields
 from enum import StrEnum
-from typing import Protocol, overload
+from typing import Literal, Protocol, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -191,19 +191,34 @@ class Pose:
 
 
 @dataclass(frozen=True)
+class Lens:
+    """How a real lens leaves the ideal pinhole; models and order of the coefficients are OpenCV's.
+
+    ``brown``: k1 k2 p1 p2 k3, after Brown, Photogrammetric Engineering 32(3), 1966. ``fisheye``: k1 k2 k3 k4, the odd
+    polynomial of the angle of Kannala and Brandt, IEEE Trans. PAMI 28(8), 2006.
+    """
+
+    model: Literal["brown", "fisheye"]
+    coefficients: tuple[float, ...]
+    centre_px: tuple[float, float]  # principal point, the centre of the first pixel at (0.5, 0.5)
+    aspect: float = 1.0  # focal length down over that across
+
+
+@dataclass(frozen=True)
 class CameraModel:
-    """A pinhole camera and where it sits on the rover (``pitch_rad`` is positive looking down)."""
+    """A camera and where it sits on the rover (``pitch_rad`` is positive looking down)."""
 
     width_px: int
     height_px: int
     focal_px: float
     position_b: Vector3 = (0.0, 0.0, 0.0)
     pitch_rad: float = 0.0
+    lens: Lens | None = None  # None: an ideal pinhole with its principal point in the middle
 
     @property
     def centre_px(self) -> tuple[float, float]:
         """Principal point (column, row); pixel centres lie at +0.5."""
-        return self.width_px / 2.0, self.height_px / 2.0
+        return self.lens.centre_px if self.lens else (self.width_px / 2.0, self.height_px / 2.0)
 
 
 @dataclass(frozen=True, eq=False)

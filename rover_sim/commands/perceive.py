@@ -11,7 +11,7 @@ from rover_sim.errors import InputError
 
 if TYPE_CHECKING:
     from perception.pipeline import Knowledge, View
-    from rover_sim.picture_result import CameraFile
+    from rover_sim.camera_file import CameraFile
 
 OUTPUTS = (".json", "_rocks.png", "_overlay.png", "_terrain.glb")
 
@@ -23,8 +23,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "--camera",
         type=Path,
         metavar="FILE",
-        help="TOML with width, height, fov_deg, pitch_deg, height_m; without it a default camera is "
-        "assumed and nothing is reported in metres",
+        help="TOML with width, height, pitch_deg, height_m and fov_deg or a [lens] of `rover-sim calibrate`; without "
+        "it a default camera is assumed and nothing is reported in metres",
     )
     parser.add_argument("--out", type=Path, metavar="DIR", default=Path("perceived"), help="default: perceived")
     parser.add_argument(
@@ -38,8 +38,8 @@ def execute(args: argparse.Namespace) -> int:
     from rich.progress import track
 
     from perception.knowledge_base import load_knowledge
+    from rover_sim.camera_file import load_camera
     from rover_sim.files import output_folder
-    from rover_sim.picture_result import load_camera
 
     check_names(args.images, args.out)
     knowledge = load_knowledge(args.knowledge)
@@ -81,9 +81,10 @@ def perceive_file(path: Path, folder: Path, knowledge: Knowledge, camera: Camera
     import numpy as np
 
     from perception.pipeline import examine, on_ground
+    from rover_sim.camera_file import camera_view, default_camera
     from rover_sim.files import atomic_path, write_json
     from rover_sim.picture_paths import picture_paths
-    from rover_sim.picture_result import camera_view, default_camera, result_table
+    from rover_sim.picture_result import result_table
     from rover_sim.pictures import read_picture
     from rover_sim.report.perceived_overlay import draw_overlay
     from rover_sim.report.virtual_terrain import terrain_glb
