@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
     from rich.table import Table
 
+    from rover_sim.sim.ruts import SavedRuts
     from worlds.types import World
 
 SIZE_CLASSES_M = (0.0, 0.08, 0.2, 0.35, 0.5, 1.0)
@@ -25,8 +26,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
     show = actions.add_parser("show", help="draw the top view and a close look at the rocks")
     export = actions.add_parser("export", help="write the world for Gazebo, PyBullet, MuJoCo or Blender")
     for action in (build, show, export):
-        action.add_argument("scenario", metavar="SCENARIO", help="a shipped name or a TOML file")
-        action.add_argument("--seed", type=int, default=0, help="of terrain and rocks (default 0)")
+        more = "; or the folder of a run: its world with its ruts" if action is export else ""
+        action.add_argument("scenario", metavar="SCENARIO", help=f"a shipped name or a TOML file{more}")
+        action.add_argument("--seed", type=int, help="of terrain and rocks (default 0)")
     build.add_argument("--out", type=Path, metavar="DIR", help="folder to write to (default world-NAME-SEED)")
     export.add_argument("--format", required=True, choices=FORMATS, help="kind of files")
     export.add_argument(
@@ -41,11 +43,12 @@ def execute(args: argparse.Namespace) -> int:
     from worlds.build import build_world
     from worlds.scenario import load_scenario
 
-    world = build_world(load_scenario(args.scenario), args.seed, source=args.scenario)
+    if args.action == "export":
+        _export(args)
+        return 0
+    world = build_world(load_scenario(args.scenario), args.seed or 0, source=args.scenario)
     if args.action == "build":
         _build(world, args.out)
-    elif args.action == "export":
-        _export(world, args)
     else:
         _show(world, args.out)
     return 0
@@ -90,14 +93,34 @@ def _build(world: World, out: Path | None) -> None:
     console.print(f"{', '.join(written)}: in {folder}", soft_wrap=True)
 
 
-def _export(world: World, args: argparse.Namespace) -> None:
+def _to_export(args: argparse.Namespace) -> tuple[World, SavedRuts | None]:
+    """The world of a scenario, or that of a run with its ruts."""
+    from rover_sim.errors import InputError
+    from rover_sim.export.run_world import is_run, read_run
+    from rover_sim.export.rut_surface import check_ruts
+    from worlds.build import build_world
+    from worlds.scenario import load_scenario
+
+    if not is_run(args.scenario):
+        return build_world(load_scenario(args.scenario), args.seed or 0, source=args.scenario), None
+    run = read_run(Path(args.scenario))
+    if args.seed not in {None, run.seed}:
+        raise InputError(f"--seed {args.seed}: the run in {args.scenario} was on seed {run.seed}; leave the option out")
+    world = build_world(load_scenario(str(run.scenario)), run.seed, source=str(run.scenario))
+    if run.ruts is not None:
+        check_ruts(run.ruts, world.ground, str(Path(args.scenario) / "ruts.npz"))
+    return world, run.ruts
+
+
+def _export(args: argparse.Namespace) -> None:
     from rich.console import Console
 
     from rover_sim.export.formats import WRITERS
     from rover_sim.export.part import part_of
     from rover_sim.files import output_folder
 
-    part = part_of(world, tuple(args.crop) if args.crop else None)
+    world, ruts = _to_export(args)
+    part = part_of(world, tuple(args.crop) if args.crop else None, ruts)
     folder = output_folder(args.out or Path(f"{_default_name(world)}-{args.format}"))
     names = WRITERS[args.format](part, folder)
     console = Console()

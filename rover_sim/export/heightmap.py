@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from rover_sim.errors import InputError
 from rover_sim.export.part import Part
+from rover_sim.export.rut_surface import press_ruts
 from rover_sim.files import atomic_path, write_json
 from worlds.heightfield import height_at
 from worlds.types import HeightField
@@ -31,7 +32,8 @@ class HeightMap:
 
 def write_heightmap(part: Part, folder: Path) -> list[str]:
     """Write ``heightmap.png`` and ``heightmap.json``; the names of the files."""
-    made = heightmap(part.ground)
+    ground = part.ground if part.ruts is None else press_ruts(part.ground, part.ruts, (LARGEST_SIDE_PX - 1) ** 2)
+    made = heightmap(ground)
     with atomic_path(folder / "heightmap.png") as path:
         done, data = cv2.imencode(".png", made.levels)
         if not done:

@@ -1,4 +1,7 @@
-"""What is exported: a world or a rectangle of it, its ground thinned to what other programs can hold."""
+"""What is exported: a world or a rectangle of it, its ground thinned to what other programs can hold.
+
+With the ruts of a run the ground is made as fine as they are, as far as that is allowed.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +11,8 @@ from functools import cached_property
 import numpy as np
 
 from rover_sim.errors import InputError
+from rover_sim.export.rut_surface import press_ruts
+from rover_sim.sim.ruts import SavedRuts
 from worlds.heightfield import grid_points, window
 from worlds.types import FloatArray, HeightField, IntArray, TriangleMesh, World
 
@@ -25,10 +30,16 @@ class Part:
     world: World
     ground: HeightField
     which: IntArray  # places of its things in ``world.shapes``
+    ruts: SavedRuts | None = None
 
     @cached_property
     def thinned(self) -> HeightField:
-        """The ground with every n-th row and column, as many as a mesh may have; the same where that is all."""
+        """The ground with every n-th row and column, as many as a mesh may have; the same where that is all.
+
+        With ruts it is finer where there is room.
+        """
+        if self.ruts is not None:
+            return press_ruts(self.ground, self.ruts, MOST_GROUND_CELLS)
         stride = int(np.ceil(np.sqrt(self.ground.heights_m.size / MOST_GROUND_CELLS)))
         return HeightField(
             self.ground.heights_m[::stride, ::stride], self.ground.resolution_m * stride, self.ground.origin_m
@@ -64,6 +75,10 @@ class Part:
     @property
     def notes(self) -> tuple[str, ...]:
         """What is not as in the world itself, one line each."""
+        if self.ruts is not None:
+            apart = f"ruts: in a ground mesh of one height every {self.thinned.resolution_m:g} m"
+            finer = self.thinned.resolution_m > self.ruts.texel_m * 1.001
+            return (apart + ("; --crop gives a smaller part as fine as they are" if finer else ""),)
         if self.thinned.resolution_m == self.ground.resolution_m:
             return ()
         text = (
@@ -73,15 +88,15 @@ class Part:
         return (text,)
 
 
-def part_of(world: World, crop_m: Box | None) -> Part:
-    """The world, or the rectangle ``crop_m`` (x0, y0, x1, y1) of it to whole cells.
+def part_of(world: World, crop_m: Box | None, ruts: SavedRuts | None = None) -> Part:
+    """The world, or the rectangle ``crop_m`` (x0, y0, x1, y1) of it to whole cells, with ``ruts`` or as it was built.
 
     Raises `InputError` for a rectangle that is no part of the map.
     """
     low, high = world.shapes.bounds_w
     centre = (low + high)[:, :2] / 2
     if crop_m is None:
-        return Part(world, world.ground, np.arange(len(centre), dtype=np.int32))
+        return Part(world, world.ground, np.arange(len(centre), dtype=np.int32), ruts)
     x0, y0, x1, y1 = crop_m
     (west, east), (south, north) = world.ground.x_limits_m, world.ground.y_limits_m
     if not (west <= x0 < x1 <= east and south <= y0 < y1 <= north):
@@ -95,7 +110,7 @@ def part_of(world: World, crop_m: Box | None) -> Part:
             f"--crop {x0:g} {y0:g} {x1:g} {y1:g}: holds fewer than {LEAST_SAMPLES} x {LEAST_SAMPLES} heights"
         )
     inside = ((centre >= (x0, y0)) & (centre <= (x1, y1))).all(axis=1)
-    return Part(world, ground, np.flatnonzero(inside).astype(np.int32))
+    return Part(world, ground, np.flatnonzero(inside).astype(np.int32), ruts)
 
 
 def y_up(points_m: FloatArray) -> FloatArray:

@@ -32,6 +32,10 @@ class SavedRuts:
     texel_m: float
     origin_m: tuple[float, float]  # corner of the first texel
 
+    def window(self, rows: slice, columns: slice) -> NDArray[np.float32]:
+        """Depths (m) of a range of texels, zero where there is no tile."""
+        return _window(self.depth_m, self.tile, rows, columns)
+
     def save(self, path: Path) -> None:
         """Write a compressed npz with an array for each field, atomically."""
         with atomic_path(path) as temporary:
@@ -42,6 +46,18 @@ class SavedRuts:
                 texel_m=np.float64(self.texel_m),
                 origin_m=np.array(self.origin_m),
             )
+
+
+def _window(depth_m: NDArray[np.float32], places: IntArray, rows: slice, columns: slice) -> NDArray[np.float32]:
+    """Texels of tiles (T, 64, 64) at ``places`` (T, 2) that lie in a range."""
+    out = np.zeros((rows.stop - rows.start, columns.stop - columns.start), dtype=np.float32)
+    for tile, (row, column) in zip(depth_m, places, strict=True):
+        v, u = row * TILE_TEXELS - rows.start, column * TILE_TEXELS - columns.start
+        v0, u0 = max(v, 0), max(u, 0)
+        v1, u1 = min(v + TILE_TEXELS, out.shape[0]), min(u + TILE_TEXELS, out.shape[1])
+        if v0 < v1 and u0 < u1:
+            out[v0:v1, u0:u1] = tile[v0 - v : v1 - v, u0 - u : u1 - u]
+    return out
 
 
 def load_ruts(path: Path) -> SavedRuts:
@@ -93,14 +109,8 @@ class RutField:
 
     def window(self, rows: slice, columns: slice) -> NDArray[np.float32]:
         """Depths (m) of a range of texels, zero where there is no tile."""
-        out = np.zeros((rows.stop - rows.start, columns.stop - columns.start), dtype=np.float32)
-        for row, column in self.places():
-            v, u = row * TILE_TEXELS - rows.start, column * TILE_TEXELS - columns.start
-            v0, u0 = max(v, 0), max(u, 0)
-            v1, u1 = min(v + TILE_TEXELS, out.shape[0]), min(u + TILE_TEXELS, out.shape[1])
-            if v0 < v1 and u0 < u1:
-                out[v0:v1, u0:u1] = self.depth_m[self.directory[row, column], v0 - v : v1 - v, u0 - u : u1 - u]
-        return out
+        places = self.places()
+        return _window(self.depth_m[self.directory[places[:, 0], places[:, 1]]], places, rows, columns)
 
     def samples(self, rows: slice, columns: slice) -> FloatArray:
         """Mean depth (m) around each sample of a range of the height field's grid, half a cell to every side."""
