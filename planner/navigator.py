@@ -8,15 +8,18 @@ from typing import Literal
 import numpy as np
 
 from planner.choice import Choice, Models, Place, choose, way_cost
+from planner.corridor import Corridor, SpeedModel, choose_way, corridor
 from planner.ground_cells import mark_driven
+from planner.laser_map import LaserMap
 from planner.obstacle_map import obstacles, segment_clearance
 from planner.recovery import Ladder, Manoeuvre, finished, next_manoeuvre
 from planner.row_search import Candidate
-from planner.terrain_map import MemoryModel, TerrainMemory, empty_memory, remember
+from planner.terrain_map import MemoryModel, TerrainMemory, empty_memory, remember, remember_scan
 from worlds.geometry import euler_from_quaternion, rotation_from_quaternion
-from worlds.types import FloatArray, Footprint, Observation, PoseEstimate
+from worlds.types import FloatArray, Footprint, LaserScan, Observation, PoseEstimate
 
 LEAST_WAY_M = 0.3  # a shorter way ends where the rover stands, as path following sees it
+AROUND_M = 3.5  # of what the scanner saw, for manoeuvres
 START_CLEAR_M = 1.0  # the rover is set down on ground where it has room to turn
 Kind = Literal["drive", "look", "back_up", "arrived", "no_path"]
 
@@ -33,6 +36,7 @@ class NavigatorModel:
     wobble_m: float = 0.05  # a rock that moves so much into a way does not break it
     arrival_share: float = 0.9  # of the goal's radius
     patience_m: float = 40.0  # driven without getting nearer, beside twice the first distance
+    speed: SpeedModel = SpeedModel()  # noqa: RUF009 - frozen; where a laser scanner leads
     progress_m: float = 1.5  # away from the last recovery: the ladder starts anew
 
 
@@ -49,6 +53,7 @@ class Decision:
     scores: tuple[float, ...] = ()  # traversability of each candidate
     heading_rad: float = 0.0  # look: turn to it
     distance_m: float = 0.0  # back_up: so far
+    speed_m_s: float | None = None  # drive: at most so fast now; None: as the risk allows
 
     @property
     def risk(self) -> float:
@@ -103,10 +108,14 @@ def begin(
 
 
 def step(
-    state: NavigatorState, observation: Observation | None, estimate: PoseEstimate, time_s: float
+    state: NavigatorState,
+    observation: Observation | None,
+    estimate: PoseEstimate,
+    time_s: float,
+    scan: LaserScan | None = None,
 ) -> tuple[NavigatorState, Decision]:
     """Takes in what was seen and decides; once `arrived` or `no_path`, always the same."""
-    state = _take_in(state, observation, estimate)
+    state = _take_in(state, observation, scan, estimate)
     if state.end is not None:
         return state, state.end
     place = _place(state, estimate)
@@ -115,7 +124,8 @@ def step(
         return _ended(state, Decision("arrived", f"goal {distance:.2f} m away"))
     if state.travelled_m - state.best_at_m > state.model.patience_m + 2.0 * state.first_m:
         return _ended(state, Decision("no_path", f"{state.travelled_m - state.best_at_m:.0f} m without getting nearer"))
-    if state.manoeuvre is not None and not finished(state.manoeuvre, place, observation, time_s):
+    seen = observation is not None or scan is not None
+    if state.manoeuvre is not None and not finished(state.manoeuvre, place, time_s, seen=seen):
         return state, _as_decision(state.manoeuvre)
     return _decide(replace(state, manoeuvre=None), place, time_s)
 
@@ -125,10 +135,45 @@ def _decide(state: NavigatorState, place: Place, time_s: float) -> tuple[Navigat
     table = _table(state)
     if state.ladder.back_first:
         return _recover(state, None, table, place, time_s)
+    if state.memory.laser is not None:
+        return _by_laser(state, state.memory.laser, table, place, time_s)
     choice = choose(state.memory, table, place, state.models, detour=state.detour)
     if choice.way is not None and choice.way.length_m > LEAST_WAY_M:
         return _drive(state, choice, table, place)
     return _recover(state, choice, table, place, time_s)
+
+
+def _by_laser(
+    state: NavigatorState, laser: LaserMap, table: FloatArray, place: Place, time_s: float
+) -> tuple[NavigatorState, Decision]:
+    """The quickest way through what the scanner and the other eyes have seen, at the speed that it allows now."""
+    models, speed = state.models, state.model.speed
+    found = corridor(laser, table, place, models.footprint, models.drive, speed)
+    choice = choose_way(found, place)
+    if choice.way is None:
+        around = laser.obstacles(np.asarray(place.position_w), AROUND_M, models.drive.sd_share)
+        return _recover(state, choice, np.vstack([table, around]), place, time_s)
+    fresh = _fresh(choice)
+    way, rest = fresh, choice.way.waypoints_w
+    if state.way is not None:
+        old = _rest(state.way.waypoints_w, np.asarray(place.position_w))
+        if _as_quick(state, found, old, choice.way):
+            way, rest = replace(state.way, changed=False), old
+    decision = replace(way, speed_m_s=found.speed_m_s(rest))
+    return replace(state, way=decision, detour=False), decision
+
+
+def _as_quick(state: NavigatorState, found: Corridor, rest: FloatArray, fresh: Candidate) -> bool:
+    """Whether the rest (N, 2) of the present way is free, long enough and hardly slower than the fresh one."""
+    model, goal = state.model, np.asarray(state.goal_w)
+    if np.hypot(*(rest[0] - fresh.waypoints_w[0])) > model.off_way_m:
+        return False
+    near_goal = np.hypot(*(rest[-1] - goal)) < state.goal_radius_m
+    if not near_goal and _length(rest) < model.extend_below_m:
+        return False
+    old, new = found.way_cost(rest, goal), found.way_cost(fresh.waypoints_w, goal)
+    most = model.speed.most_m_s
+    return old < new * (1.0 + model.speed.jump_share) + model.speed.jump_s * most
 
 
 def note_trouble(state: NavigatorState, estimate: PoseEstimate, radius_m: float = 0.35) -> NavigatorState:
@@ -139,12 +184,16 @@ def note_trouble(state: NavigatorState, estimate: PoseEstimate, radius_m: float 
     return replace(state, avoid_w=avoid, way=None, ladder=replace(state.ladder, back_first=True), manoeuvre=None)
 
 
-def _take_in(state: NavigatorState, observation: Observation | None, estimate: PoseEstimate) -> NavigatorState:
+def _take_in(
+    state: NavigatorState, observation: Observation | None, scan: LaserScan | None, estimate: PoseEstimate
+) -> NavigatorState:
     """Memory, odometer, slope and ladder after a look and a move."""
     place = estimate.pose.position_w[:2]
     memory = state.memory
     if observation is not None:
         memory = remember(memory, observation, place, state.model.memory)
+    if scan is not None:
+        memory = remember_scan(memory, scan, estimate)
     memory = replace(memory, cells=mark_driven(memory.cells, place, 0.4))
     moved = 0.0 if state.place_w is None else float(np.hypot(*(place - state.place_w)))
     travelled = state.travelled_m + moved
@@ -180,8 +229,18 @@ def _table(state: NavigatorState) -> FloatArray:
 
 def _drive(state: NavigatorState, choice: Choice, table: FloatArray, place: Place) -> tuple[NavigatorState, Decision]:
     """Keeps the present way if it is still good, else takes the new one."""
+    fresh = _fresh(choice)
+    state = replace(state, detour=choice.detour)
+    rest = None if state.way is None else _rest(state.way.waypoints_w, np.asarray(place.position_w))
+    if state.way is not None and rest is not None and _still_good(state, rest, fresh, table, place, choice):
+        kept = replace(state.way, changed=False, candidates=choice.candidates, scores=choice.scores)
+        return state, kept
+    return replace(state, way=fresh), fresh
+
+
+def _fresh(choice: Choice) -> Decision:
     assert choice.way is not None
-    fresh = Decision(
+    return Decision(
         "drive",
         choice.reason,
         choice.way.waypoints_w,
@@ -190,12 +249,6 @@ def _drive(state: NavigatorState, choice: Choice, table: FloatArray, place: Plac
         candidates=choice.candidates,
         scores=choice.scores,
     )
-    state = replace(state, detour=choice.detour)
-    rest = None if state.way is None else _rest(state.way.waypoints_w, np.asarray(place.position_w))
-    if state.way is not None and rest is not None and _still_good(state, rest, fresh, table, place, choice):
-        kept = replace(state.way, changed=False, candidates=choice.candidates, scores=choice.scores)
-        return state, kept
-    return replace(state, way=fresh), fresh
 
 
 def _still_good(

@@ -12,7 +12,7 @@ from planner.ground_cells import GroundCells
 from planner.room import backing_room, turn_range
 from planner.terrain_map import TerrainMemory
 from worlds.geometry import wrap_angle
-from worlds.types import FloatArray, Footprint, Observation
+from worlds.types import FloatArray, Footprint
 
 # Degrees from the heading at which the rover got stuck, or metres to the rear.
 RUNGS: tuple[tuple[Literal["look", "back_up"], float], ...] = (
@@ -112,13 +112,13 @@ def _back(
     return Manoeuvre("back_up", reason, place.position_w, time_s, distance_m=distance)
 
 
-def finished(manoeuvre: Manoeuvre, place: Place, observation: Observation | None, time_s: float) -> bool:
-    """Whether a manoeuvre is done: turned there and seen, backed so far, or tried too long."""
+def finished(manoeuvre: Manoeuvre, place: Place, time_s: float, *, seen: bool) -> bool:
+    """Whether a manoeuvre is done: turned there and ``seen`` anew, backed so far, or tried too long."""
     if time_s - manoeuvre.start_s > 15.0:
         return True
     if manoeuvre.kind == "look":
         there = abs(wrap_angle(manoeuvre.heading_rad - place.heading_rad)) < np.deg2rad(12.0)
-        return there and observation is not None
+        return there and seen
     moved = np.hypot(place.position_w[0] - manoeuvre.start_w[0], place.position_w[1] - manoeuvre.start_w[1])
     return bool(moved > 0.6 * manoeuvre.distance_m)  # path following ends before the very end
 

@@ -13,8 +13,9 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from planner.ground_cells import GroundCells, Index, empty_cells, inside_polygon, note_view
-from worlds.types import BoolArray, FloatArray, Observation, PerceivedRock, Vector3
+from planner.ground_cells import GroundCells, Index, empty_cells, inside_polygon, note_view, recentre
+from planner.laser_map import LaserMap, empty_laser_map, mark_free, note_scan
+from worlds.types import BoolArray, FloatArray, LaserScan, Observation, PerceivedRock, PoseEstimate, Vector3
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,10 +78,11 @@ class MemoryModel:
 
 @dataclass(frozen=True, eq=False)
 class TerrainMemory:
-    """Rocks and seen cells."""
+    """Rocks and seen cells, and what the laser scanner told if there is one."""
 
     rocks: RockMemory
     cells: GroundCells
+    laser: LaserMap | None = None
 
 
 def empty_memory(centre_w: FloatArray) -> TerrainMemory:
@@ -103,9 +105,18 @@ def remember(
     updated = _doubt(_fuse(rocks, views, match, model), match, observation, viewpoint_w, model)
     joined = _join(updated, views.select(fresh))
     kept = _unite(joined.select(joined.log_odds > model.drop_below))
-    return TerrainMemory(
-        _cap(_join(kept, beyond), viewpoint_w, model), note_view(memory.cells, observation, viewpoint_w)
+    return replace(
+        memory,
+        rocks=_cap(_join(kept, beyond), viewpoint_w, model),
+        cells=note_view(memory.cells, observation, viewpoint_w),
     )
+
+
+def remember_scan(memory: TerrainMemory, scan: LaserScan, estimate: PoseEstimate) -> TerrainMemory:
+    """The memory after one turn of the scanner."""
+    place = scan.pose.position_w[:2]
+    laser = note_scan(memory.laser or empty_laser_map(place), scan, estimate)
+    return replace(memory, laser=laser, cells=mark_free(recentre(memory.cells, place), laser))
 
 
 def _views(observation: Observation, viewpoint_w: FloatArray, model: MemoryModel) -> RockMemory:

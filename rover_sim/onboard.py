@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,10 +18,13 @@ from rover_sim.mavlink.plan_items import backing_items, mission_items
 from rover_sim.mavlink.uploader import Upload, UploadState
 from rover_sim.mavlink.wire import WireItem
 from rover_sim.summary import Counts
-from worlds.types import FloatArray, Frame, PoseEstimate, Vector3
+from worlds.types import FloatArray, Frame, LaserScan, Observation, PoseEstimate, Vector3
 
 CRUISE_M_S = 0.6
 RISK_SLOWING = 0.5  # share of the cruise speed that full risk takes
+SPEED_STEP = 0.08  # a smaller share of change is not worth a message
+UPLOAD_S = 0.3  # that a mission takes: what the rover passes meanwhile is left out
+SILENT_LOOKS, SILENT_S = 3, 1.0  # the longer of the two makes an eye count as lost
 STOPS_ALLOWED = 6  # fail-safe stops without getting on
 PROGRESS_M = 2.0  # that count as getting on
 
@@ -38,8 +42,15 @@ class OnboardComputer:
     """Decides at each picture, and sees to it at each tick that the vehicle does what was decided."""
 
     def __init__(
-        self, companion: Companion, local: LocalFrame, home_w: Vector3, plan: NavigatorState, knowledge: Knowledge
+        self,
+        companion: Companion,
+        local: LocalFrame,
+        home_w: Vector3,
+        plan: NavigatorState,
+        knowledge: Knowledge,
+        eyes_s: Mapping[str, float] | None = None,
     ) -> None:
+        """``eyes_s``: seconds between two looks of each eye carried; one that is silent for long is reported lost."""
         self.counts = Counts()
         self.ways_w: list[FloatArray] = []  # of the drive missions sent
         self.plan = plan
@@ -56,6 +67,9 @@ class OnboardComputer:
         self._stops_here = 0  # since the rover last got on
         self._stop_place_w: FloatArray | None = None
         self._texts_read_s = -1.0
+        self._speed_m_s = CRUISE_M_S  # told last
+        self._eyes_s = dict(eyes_s or {})
+        self._seen_s = dict.fromkeys(self._eyes_s, 0.0)
 
     @property
     def doing(self) -> str:
@@ -66,15 +80,46 @@ class OnboardComputer:
 
     def look(self, frame: Frame, estimate: PoseEstimate, time_s: float) -> Sight:
         """Perceive, decide, and send what is new."""
+        self._seen_s["camera"] = time_s
         perception = perceive(frame, self._knowledge)
-        before = self._decision
-        self.plan, decision = navigator.step(self.plan, perception.observation, estimate, time_s)
-        planned = decision.kind != "drive" or decision.changed
-        self.counts = replace(self.counts, frames=self.counts.frames + 1, plans=self.counts.plans + planned)
-        self._decision = decision
-        if not self._taken_over and (before is None or self._upload_failed() or _is_new(before, decision)):
-            self._send(decision, estimate, time_s)
+        self.counts = replace(self.counts, frames=self.counts.frames + 1)
+        decision = self._decide(estimate, time_s, perception.observation, None)
         return Sight(frame, perception, decision)
+
+    def scan(self, scan: LaserScan, estimate: PoseEstimate, time_s: float) -> None:
+        """Decide by one turn of the laser scanner, and send what is new."""
+        self._seen_s["laser"] = time_s
+        self._decide(estimate, time_s, None, scan)
+
+    def silent_eye(self, time_s: float) -> str:
+        """What is to be said of an eye that has given nothing for long; empty if all see."""
+        for name, period_s in self._eyes_s.items():
+            silent_s = time_s - self._seen_s[name]
+            if silent_s > max(SILENT_LOOKS * period_s, SILENT_S):
+                return f"the {name} has been silent for {silent_s:.1f} s"
+        return ""
+
+    def _decide(
+        self, estimate: PoseEstimate, time_s: float, observation: Observation | None, scan: LaserScan | None
+    ) -> Decision:
+        before = self._decision
+        self.plan, decision = navigator.step(self.plan, observation, estimate, time_s, scan)
+        planned = decision.kind != "drive" or decision.changed
+        self.counts = replace(self.counts, plans=self.counts.plans + planned)
+        self._decision = decision
+        if self._taken_over:
+            return decision
+        if before is None or self._upload_failed() or _is_new(before, decision):
+            self._send(decision, estimate, time_s)
+        elif decision.kind == "drive" and decision.speed_m_s is not None:
+            self._adjust_speed(decision.speed_m_s)
+        return decision
+
+    def _adjust_speed(self, speed_m_s: float) -> None:
+        """Tell the vehicle a new speed on the way that it has, if it differs enough."""
+        if abs(speed_m_s - self._speed_m_s) > SPEED_STEP * self._speed_m_s:
+            self._speed_m_s = speed_m_s
+            self._companion.change_speed(speed_m_s)
 
     def tick(self, estimate: PoseEstimate) -> None:
         """After each round of the link: notice when the vehicle stopped by itself, or a person changed its mode."""
@@ -111,10 +156,11 @@ class OnboardComputer:
 
     def _send_way(self, decision: Decision, estimate: PoseEstimate, time_s: float) -> None:
         """Upload the way; its first point is where the rover is, and no item of the mission."""
-        ahead = decision.waypoints_w[1:]
+        ahead = _not_passed(decision.waypoints_w, estimate)
         height = float(estimate.pose.position_w[2])
         places = [(float(x), float(y), height) for x, y in ahead]
-        speed = CRUISE_M_S * (1.0 - RISK_SLOWING * decision.risk)
+        speed = CRUISE_M_S * (1.0 - RISK_SLOWING * decision.risk) if decision.speed_m_s is None else decision.speed_m_s
+        self._speed_m_s = speed
         self._drive(mission_items(places, self._local, self._home_w, round(speed, 2)), time_s)
         self.ways_w.append(np.asarray(decision.waypoints_w))
         self.counts = replace(self.counts, waypoints_sent=self.counts.waypoints_sent + len(places))
@@ -157,6 +203,13 @@ class OnboardComputer:
         self.plan = navigator.note_trouble(self.plan, estimate)
         self._decision, self._upload = None, None
         self._want(Mode.HOLD)
+
+
+def _not_passed(way_w: FloatArray, estimate: PoseEstimate) -> FloatArray:
+    """The waypoints (N, 2) after the first, less those that the rover passes during the upload; never none."""
+    passed_m = UPLOAD_S * float(np.linalg.norm(estimate.velocity_w[:2]))
+    arcs = np.cumsum(np.linalg.norm(np.diff(way_w, axis=0), axis=1))
+    return way_w[1 + min(int(np.searchsorted(arcs, passed_m)), len(arcs) - 1) :]
 
 
 def _is_new(before: Decision, decision: Decision) -> bool:

@@ -23,6 +23,7 @@ class Reason(StrEnum):
     GOAL_MISSED = "goal_missed"  # the rover believed it had arrived and had not
     SLIP_STOP = "slip_stop"
     LINK_LOST = "link_lost"
+    SENSOR_LOST = "sensor_lost"  # camera or scanner fell silent
     ABORTED = "aborted"
     ERROR = "error"
 

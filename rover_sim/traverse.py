@@ -13,29 +13,33 @@ from perception.pipeline import load_knowledge
 from planner import localization, navigator
 from planner.localization import SensorModel
 from rover_sim.autopilot.autopilot import Autopilot
+from rover_sim.eyes import eyes
 from rover_sim.mavlink.mission_file import write_plan, write_waypoints
 from rover_sim.mavlink.stack import MavlinkStack
 from rover_sim.onboard import OnboardComputer, Sight
 from rover_sim.outcome import Judge, Limits, Reason
 from rover_sim.pacing import WallClock
 from rover_sim.scoring import ClassScore
+from rover_sim.sim.laser import LaserScanner
 from rover_sim.sim.mobility_events import MobilityEvent, MobilityLog, active_kinds
 from rover_sim.sim.recorder import TraceRecorder
-from rover_sim.sim.renderer import add_noise, make_renderer
+from rover_sim.sim.renderer import Renderer, add_noise, make_renderer
 from rover_sim.sim.rover import RoverModel
 from rover_sim.sim.rover_urdf import wheel_names
 from rover_sim.sim.ruts import SavedRuts
 from rover_sim.sim.simulation import Simulation
 from rover_sim.sim.vehicle_state import VehicleState, trace_columns
 from rover_sim.summary import Identity, summarize
-from worlds.geometry import camera_pose
-from worlds.types import Frame, World
+from worlds.geometry import camera_pose, rotation_from_quaternion
+from worlds.types import Footprint, Frame, LaserScan, Pose, Vector3, World
 
 STEPS_PER_S = 240
 CONTROL_STEPS = 5  # sensors, estimate, autopilot and link at 48 Hz
 TRACE_STEPS = 10  # trace and judge at 24 Hz
+TURN_SHARE = 0.8  # of the rover's fastest turn, for turns on the spot
+MARS_M_S2 = 3.71  # the autopilot's own limits are meant for it
 LINK_GRACE_S = 5.0  # the first heartbeats need not have come before
-SENSOR_STREAM, CAMERA_STREAM = 101, 102  # of the seed
+SENSOR_STREAM, CAMERA_STREAM, LASER_STREAM = 101, 102, 103  # of the seed
 
 
 @dataclass(frozen=True)
@@ -58,6 +62,16 @@ class Status:
     doing: str
 
 
+def _autopilot(footprint: Footprint, home_w: Vector3, gravity_m_s2: float) -> Autopilot:
+    """The autopilot, quicker where more weight presses the wheels to the ground."""
+    autopilot = Autopilot(footprint, home_w)
+    weight, parameters = gravity_m_s2 / MARS_M_S2, autopilot.parameters
+    turn_deg_s = min(weight * parameters["TURN_RATE"], TURN_SHARE * float(np.rad2deg(footprint.max_yaw_rate_rad_s)))
+    parameters.set("TURN_RATE", turn_deg_s)
+    parameters.set("ACCEL_MAX", weight * parameters["ACCEL_MAX"])
+    return autopilot
+
+
 class Traverse:
     """A rover in its world, ready to drive; a context manager, as it holds links and a physics client."""
 
@@ -72,18 +86,22 @@ class Traverse:
         self._judge = Judge(Limits(touch_ends=options.any_touch_ends))
         self._mobility, self._wheel_names = MobilityLog(rover, scenario.gravity_m_s2), wheel_names(rover)
         home = (*scenario.rover.start_m, float(world.start.position_w[2]))
-        self._autopilot = Autopilot(self._footprint, home)
+        self._autopilot = _autopilot(self._footprint, home, scenario.gravity_m_s2)
+        self._eyes = eyes(scenario, STEPS_PER_S)
         self._stack = MavlinkStack(world.origin, self._autopilot, options.connect, tlog)
         try:
             self._simulation = Simulation(world, rover, np.random.default_rng([world.seed, SENSOR_STREAM]))
-            self._renderer = make_renderer(world, self._simulation.ruts)
+            self._renderer = make_renderer(world, self._simulation.ruts) if "camera" in self._eyes else None
+            scanner_rng = np.random.default_rng([world.seed, LASER_STREAM])
+            self._scanner = LaserScanner(world, rover.laser(), scanner_rng) if "laser" in self._eyes else None
         except BaseException:
             self._stack.close()
             raise
         goal = scenario.goal
         plan = navigator.begin(goal.position_m, goal.radius_m, self._footprint, scenario.rover.start_m)
         knowledge = load_knowledge("rendered")
-        self.onboard = OnboardComputer(self._stack.companion, self._stack.frame, home, plan, knowledge)
+        periods = {name: eye.steps / STEPS_PER_S for name, eye in self._eyes.items()}
+        self.onboard = OnboardComputer(self._stack.companion, self._stack.frame, home, plan, knowledge, periods)
         self._locate_start(home)
 
     def __enter__(self) -> Self:
@@ -99,17 +117,15 @@ class Traverse:
         stopped: Callable[[], bool] = lambda: False,
         on_sight: Callable[[Sight], None] = lambda _: None,
     ) -> dict[str, Any]:
-        """Drive until the traverse ends and return its summary; ``stopped`` is asked at each picture."""
+        """Drive until the traverse ends and return its summary; ``stopped`` is asked at each look of an eye."""
         clock = WallClock()
-        camera_steps = max(1, round(STEPS_PER_S / self.world.scenario.camera.rate_hz))
         step, ended = 0, None
         while ended is None:
             if step % CONTROL_STEPS == 0:
                 self._control()
             if step % TRACE_STEPS == 0:
                 ended = self._observe()
-            if step % camera_steps == 0:
-                on_sight(self._look())
+            if self._see(step, on_sight):
                 show(self._status())
                 ended = (Reason.ABORTED, "interrupted") if stopped() else ended
             self._simulation.step(self._wheel_speeds)
@@ -173,10 +189,33 @@ class Traverse:
         self._stack.tick(time_s, self._estimate, readings)
         self.onboard.tick(self._estimate)
 
-    def _look(self) -> Sight:
+    def _see(self, step: int, on_sight: Callable[[Sight], None]) -> bool:
+        """Use the eyes whose time it is; whether any was."""
+        due = [name for name, eye in self._eyes.items() if eye.due(step, STEPS_PER_S)]
+        if "camera" in due and self._renderer is not None:
+            on_sight(self._look(self._renderer))
+        if "laser" in due and self._scanner is not None:
+            self._scan(self._scanner)
+        return bool(due)
+
+    def _scan(self, scanner: LaserScanner) -> None:
+        """A turn of the scanner where it truly is, placed where the rover believes it to be."""
+        time_s, laser = self._simulation.time_s, scanner.laser
+        believed = self._estimate.pose
+        place = believed.position_w + rotation_from_quaternion(believed.quaternion_w) @ np.asarray(laser.position_b)
+        scan = LaserScan(
+            time_s=time_s,
+            ranges_m=scanner.scan(self._simulation.state.pose),
+            laser=laser,
+            pose=Pose(place, believed.quaternion_w),
+            ground=localization.ground_plane(self._located, self._footprint.wheel_radius_m),
+        )
+        self.onboard.scan(scan, self._estimate, time_s)
+
+    def _look(self, renderer: Renderer) -> Sight:
         """A picture from where the camera truly is, judged from where the rover believes it to be."""
         time_s, camera = self._simulation.time_s, self._camera
-        rendered = self._renderer.render(camera, camera_pose(self._simulation.state.pose, camera))
+        rendered = renderer.render(camera, camera_pose(self._simulation.state.pose, camera))
         frame = Frame(
             time_s=time_s,
             image=add_noise(rendered.image, self.world.scenario.camera.noise, self._camera_rng),
@@ -214,10 +253,16 @@ class Traverse:
             return (Reason.GOAL if near else Reason.GOAL_MISSED), end.reason
         if self.onboard.exhausted:
             return Reason.SLIP_STOP, self.onboard.stop_text
-        if state.time_s > LINK_GRACE_S and not self._stack.companion.linked:
-            return Reason.LINK_LOST, "the companion no longer hears the vehicle"
         if state.time_s >= goal.time_limit_s:
             return Reason.TIMEOUT, f"goal.time_limit_s = {goal.time_limit_s:g} is over"
+        return self._loss(state.time_s)
+
+    def _loss(self, time_s: float) -> tuple[Reason, str] | None:
+        """The end that a silent eye or link makes."""
+        if silent := self.onboard.silent_eye(time_s):
+            return Reason.SENSOR_LOST, silent
+        if time_s > LINK_GRACE_S and not self._stack.companion.linked:
+            return Reason.LINK_LOST, "the companion no longer hears the vehicle"
         return None
 
     def _record(self, state: VehicleState) -> None:

@@ -16,6 +16,7 @@ from worlds.scenario import (
     Origin,
     RoverChoice,
     Scenario,
+    Sensors,
     SoilChoice,
     SoilPatch,
     Terrain,
@@ -107,8 +108,10 @@ def test_every_number_has_a_range() -> None:
     obstacle = Obstacle(kind="rock", position_m=(0.0, 0.0), radius_m=1.0, height_m=1.0)
     patch = SoilPatch(kind="disc", preset="firm", position_m=(0.0, 0.0), radius_m=1.0, size_m=(1.0, 1.0))
     soil = SoilChoice(patch=(patch,))
-    camera = Camera(height_m=1.0)
-    scenario = Scenario(name="x", terrain=terrain, obstacle=(obstacle,), soil=soil, origin=Origin(), camera=camera)
+    camera, sensors = Camera(height_m=1.0), Sensors(laser_fails_s=1.0, camera_fails_s=1.0)
+    scenario = Scenario(
+        name="x", terrain=terrain, obstacle=(obstacle,), soil=soil, origin=Origin(), camera=camera, sensors=sensors
+    )
     assert numeric_keys(scenario) == set(LIMITS)
 
 
@@ -127,7 +130,9 @@ def test_every_number_has_a_range() -> None:
         ("[camera]\nwidth = 2.5", "camera.width = 2.5: expected a whole number, got a number"),
         ("[sensors]\ngnss = 1", "sensors.gnss = 1: expected true or false, got a whole number"),
         ("[[obstacle]]\nkind = 'rock'", "obstacle[0].position_m: this key is required"),
-        ("[camera]\nrate_hz = 0.0", "camera.rate_hz = 0: allowed are 0.1 to 30"),
+        ("[camera]\nrate_hz = 0.05", "camera.rate_hz = 0.05: allowed are 0 and 0.1 to 30"),
+        ("[camera]\nrate_hz = 0.0", "camera.rate_hz = 0: a rover without camera needs sensors.laser = true"),
+        ("[sensors]\nlaser_fails_s = 3.0", "sensors.laser_fails_s: the rover has no laser that could fail"),
         ("[camera]\nrate_hz = nan", "camera.rate_hz = nan: must be a finite number"),
         ("[terrain]\nslope_deg = inf", "terrain.slope_deg = inf: must be a finite number"),
         ("[terrain]\nsize_m = [-5.0, 5.0]", "terrain.size_m[0] = -5: allowed are 2 to 5000"),

@@ -14,6 +14,7 @@ from worlds.strict_toml import check_limits, convert_table, dump_toml, read_tabl
 MAX_CELLS = (
     26_000_000  # 500 x 500 m at 0.1 m; memory and start-up time: eight bytes a cell in every copy of the heights
 )
+SLOWEST_CAMERA_HZ = 0.1
 MAX_PATCHES = 200  # of soil
 ROVER_SUFFIXES = (".toml", ".urdf")  # of a rover of the user's own; a shipped one is a bare name
 MAP_MARGIN_M = 1.0  # start and goal stay this far inside the map, so that a rover fits on it
@@ -105,12 +106,14 @@ class Sensors(_Table, frozen=True):
     gnss: bool = True
     laser: bool = False
     stereo: bool = False
+    laser_fails_s: float | None = None  # from then on the scanner is silent
+    camera_fails_s: float | None = None
 
 
 class Camera(_Table, frozen=True):
     """The rover's camera."""
 
-    rate_hz: float = 2.0
+    rate_hz: float = 2.0  # 0: no camera
     width: int = 320
     height: int = 240
     fov_deg: float = 75.2  # horizontal
@@ -186,7 +189,9 @@ LIMITS: dict[str, tuple[float, float]] = {
     "goal.position_m": (-1e5, 1e5),
     "goal.radius_m": (0.05, 100.0),
     "goal.time_limit_s": (1.0, 1e6),
-    "camera.rate_hz": (0.1, 30.0),
+    "sensors.laser_fails_s": (0.0, 1e6),
+    "sensors.camera_fails_s": (0.0, 1e6),
+    "camera.rate_hz": (0.0, 30.0),
     "camera.width": (40, 1920),
     "camera.height": (40, 1440),
     "camera.fov_deg": (20.0, 140.0),
@@ -256,6 +261,7 @@ def check_scenario(scenario: Scenario, source: str) -> None:
     if not rocks.formations:
         raise ScenarioError(f"{source}: rocks.formations = []: must name at least one of 0 to 9")
     _check_soils(scenario.soil, source)
+    _check_eyes(scenario, source)
     if scenario.terrain.kind != "dem":
         _check_on_map(scenario, source)
 
@@ -276,6 +282,17 @@ def _check_terrain(terrain: Terrain, source: str) -> None:
             f"{source}: terrain.height_range_m = {list(terrain.height_range_m)}: must be [lowest, highest]"
         )
     check_cells(terrain.size_m, terrain.resolution_m, source)
+
+
+def _check_eyes(scenario: Scenario, source: str) -> None:
+    rate, sensors = scenario.camera.rate_hz, scenario.sensors
+    if 0.0 < rate < SLOWEST_CAMERA_HZ:
+        raise ScenarioError(f"{source}: camera.rate_hz = {rate:g}: allowed are 0 and {SLOWEST_CAMERA_HZ:g} to 30")
+    if rate == 0.0 and not sensors.laser:
+        raise ScenarioError(f"{source}: camera.rate_hz = 0: a rover without camera needs sensors.laser = true")
+    for name, present in (("laser", sensors.laser), ("camera", rate > 0.0)):
+        if getattr(sensors, f"{name}_fails_s") is not None and not present:
+            raise ScenarioError(f"{source}: sensors.{name}_fails_s: the rover has no {name} that could fail")
 
 
 def _check_soils(soil: SoilChoice, source: str) -> None:

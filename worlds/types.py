@@ -241,6 +241,35 @@ class Frame:
 
 
 @dataclass(frozen=True)
+class LaserModel:
+    """A scanner whose beams fan out in a plane level with the rover, symmetric about straight ahead."""
+
+    position_b: Vector3
+    field_rad: float = float(np.radians(270.0))
+    step_rad: float = float(np.radians(0.25))
+    reach_m: float = 10.0
+    rate_hz: float = 10.0
+    range_sd_m: float = 0.01
+
+    @property
+    def angles_rad(self) -> FloatArray:
+        """Direction (N,) of each beam from straight ahead, counter-clockwise; the first points to the right."""
+        count = round(self.field_rad / self.step_rad) + 1
+        return np.asarray(self.step_rad * (np.arange(count) - (count - 1) / 2), dtype=np.float64)
+
+
+@dataclass(frozen=True, eq=False)
+class LaserScan:
+    """One turn of the scanner, with the believed pose of the scanner (body axes) and of the ground."""
+
+    time_s: float
+    ranges_m: FloatArray  # (N,) one a beam; inf where nothing within reach came back
+    laser: LaserModel
+    pose: Pose
+    ground: GroundPlane
+
+
+@dataclass(frozen=True)
 class PerceivedRock:
     """A rock as the camera saw it, placed on the believed ground."""
 

@@ -13,6 +13,8 @@ from rover_sim.autopilot.parameters import ParameterTable
 from rover_sim.autopilot.runner import MissionRunner
 from worlds.types import Footprint, PoseEstimate, SensorReadings, Vector3
 
+YAW_PER_ACCELERATION = 2.0  # 1/m
+LOOKAHEAD_LENGTHS, SLOW_RADIUS_LENGTHS = 0.5, 1.2  # of the rover
 _LONGEST_STEP_S = 0.2  # a pause between two updates must not become a jump in speed
 
 
@@ -190,6 +192,10 @@ class Autopilot:
             cruise_speed_m_s=self.parameters["CRUISE_SPEED"],
             turn_rate_rad_s=float(np.deg2rad(self.parameters["TURN_RATE"])),
             arrival_radius_m=self.parameters["WP_RADIUS"],
+            acceleration_m_s2=self.parameters["ACCEL_MAX"],
+            yaw_acceleration_rad_s2=YAW_PER_ACCELERATION * self.parameters["ACCEL_MAX"],
+            lookahead_m=LOOKAHEAD_LENGTHS * self.footprint.length_m,
+            slow_radius_m=SLOW_RADIUS_LENGTHS * self.footprint.length_m,
         )
 
     def _say(self, severity: Severity, text: str) -> None:

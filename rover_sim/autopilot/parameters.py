@@ -20,6 +20,7 @@ class Parameter:
 
 
 TABLE: tuple[Parameter, ...] = (
+    Parameter("ACCEL_MAX", 0.5, 0.05, 5.0, "acceleration on a mission, m/s2"),
     Parameter("CRUISE_SPEED", 0.6, 0.05, 2.0, "speed on a mission, m/s"),
     Parameter("FS_POSE_M", 5.0, 0.1, 1000.0, "pose fail-safe: one sigma of the position, m"),
     Parameter("FS_POSE_S", 1.0, 0.1, 60.0, "pose fail-safe: age of the estimate, s"),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -118,11 +118,8 @@ class MissionRunner:
         item = self.mission.items[self.current]
         radius = item.radius_m if isinstance(item, DriveTo) and item.radius_m > 0.0 else limits.arrival_radius_m
         cruise = limits.cruise_speed_m_s if self._speed_m_s is None else self._speed_m_s
-        tuned = Limits(
-            cruise_speed_m_s=cruise,
-            turn_rate_rad_s=limits.turn_rate_rad_s,
-            arrival_radius_m=radius if stops else limits.arrival_radius_m,
-        )
+        arrival = radius if stops else limits.arrival_radius_m
+        tuned = replace(limits, cruise_speed_m_s=cruise, arrival_radius_m=arrival)
         command, leg.progress = follow_path(
             leg.path_w, estimate, self._footprint, tuned, leg.progress, reverse=self._reverse
         )

@@ -97,6 +97,10 @@ class Companion:
         """Start the mission, or go on with it."""
         return self.command(mavlink.MAV_CMD_MISSION_START)
 
+    def change_speed(self, speed_m_s: float) -> PendingCommand:
+        """Cruise at another speed on what is being driven."""
+        return self.command(mavlink.MAV_CMD_DO_CHANGE_SPEED, 1.0, speed_m_s, -1.0)
+
     def turn_to(self, yaw_rad: float) -> PendingCommand:
         """Turn on the spot to a heading in the world, in mode Guided."""
         return self.command(mavlink.MAV_CMD_CONDITION_YAW, heading_deg(yaw_rad))

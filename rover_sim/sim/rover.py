@@ -12,7 +12,7 @@ from rover_sim.sim.wong_reece import WheelShape
 from worlds.errors import ScenarioError
 from worlds.scenario import Camera
 from worlds.strict_toml import Limits, check_limits, convert_table, read_table
-from worlds.types import CameraModel, Footprint, Vector3
+from worlds.types import CameraModel, Footprint, LaserModel, Vector3
 
 _FOLDER = Path(__file__).parent / "rovers"
 CHASSIS = "chassis"  # what wheels and arms sit on if on no arm
@@ -21,6 +21,7 @@ CHASSIS = "chassis"  # what wheels and arms sit on if on no arm
 _RIGID_CLIMB = 0.5
 _ARTICULATED_CLIMB = 1.2
 _CLEARANCE_SHARE = 0.6
+_SCANNER_ABOVE_M = 0.05
 _LENGTH = (0.001, 20.0)
 _OFFSET = (-20.0, 20.0)
 _LIMITS: Limits = {
@@ -51,6 +52,8 @@ _LIMITS: Limits = {
     "suspension.arm.box.pitch_deg": (-90.0, 90.0),
     "mast.forward_m": _OFFSET,
     "mast.height_m": (0.1, 10.0),
+    "scanner.forward_m": _OFFSET,
+    "scanner.height_m": (0.02, 10.0),
     "drive.max_yaw_rate_rad_s": (0.01, 20.0),
     "drive.effective_track_ratio": (1.0, 10.0),
 }
@@ -138,6 +141,13 @@ class Mast(Table, frozen=True, kw_only=True):
     height_m: float  # of the lens above level ground, where the scenario gives none
 
 
+class Scanner(Table, frozen=True, kw_only=True):
+    """Where a 2-D laser scanner sits, if the scenario has one."""
+
+    forward_m: float
+    height_m: float  # of its plane above level ground
+
+
 class Drive(Table, frozen=True, kw_only=True):
     """What the planner is told beside the geometry."""
 
@@ -155,6 +165,7 @@ class RoverModel(Table, frozen=True, kw_only=True):
     motor: Motor
     mast: Mast
     drive: Drive
+    scanner: Scanner | None = None  # None: on top of the hull's foremost box, at its front edge
 
     @property
     def mass_kg(self) -> float:
@@ -210,6 +221,15 @@ class RoverModel(Table, frozen=True, kw_only=True):
         focal = 0.5 * camera.width / tan(radians(camera.fov_deg) / 2.0)
         position = (self.mast.forward_m, 0.0, height - self.wheel.radius_m)
         return CameraModel(camera.width, camera.height, focal, position, radians(camera.pitch_deg))
+
+    def laser(self) -> LaserModel:
+        """The 2-D scanner on this rover."""
+        if self.scanner is not None:
+            return LaserModel((self.scanner.forward_m, 0.0, self.scanner.height_m - self.wheel.radius_m))
+        front = max(self.chassis.box, key=lambda box: box.centre_m[0] + box.size_m[0] / 2)
+        return LaserModel(
+            (front.centre_m[0] + front.size_m[0] / 2, 0.0, front.centre_m[2] + front.size_m[2] / 2 + _SCANNER_ABOVE_M)
+        )
 
     def _parts(self) -> list[tuple[float, Vector3]]:
         """Mass and place of every part."""

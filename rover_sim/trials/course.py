@@ -103,7 +103,7 @@ def course_scenario(course: Course, *, laser: bool) -> Scenario:
         rover=RoverChoice(model="jackal", start_m=START_M, heading_deg=90.0),
         goal=Goal(position_m=GOAL_M, radius_m=GOAL_RADIUS_M, time_limit_s=TIME_LIMIT_S),
         sensors=Sensors(laser=laser),
-        camera=Camera(),
+        camera=Camera(rate_hz=0.0 if laser else 2.0),
     )
 
 
