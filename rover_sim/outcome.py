@@ -5,10 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
+from math import hypot
 
 import numpy as np
 
 from rover_sim.sim.vehicle_state import BodyContact, VehicleState
+from worlds.geometry import euler_from_quaternion, wrap_angle
+from worlds.types import Pose
 
 
 class Reason(StrEnum):
@@ -37,12 +40,16 @@ class Limits:
     pressing_s: float = 1.0  # the body leans on a rock for this long without a break
     touch_gap_s: float = 0.5  # a touch of the same rock after such a pause is a new collision
     touch_ends: bool = False  # the first touch of an obstacle, by hull or wheel, is a crash
-    embedded_s: float = 5.0  # at least half of the wheels turn for this long while they are embedding
+    # At least half of the wheels turn for so long while they are embedding, and the rover gets nowhere: its own monitor
+    # needs 6 s to see that, and is to have the time to try another way.
+    embedded_s: float = 15.0
+    gets_on_m: float = 0.10
+    gets_on_rad: float = 0.10
 
 
 @dataclass(frozen=True)
 class Strain:
-    """How long the rover has leaned on a rock, and how long it has dug itself in."""
+    """How long the rover has leaned on a rock, and how long it has dug itself in on the spot."""
 
     pressing_s: float = 0.0
     digging_s: float = 0.0
@@ -75,6 +82,7 @@ class Judge:
     strain: Strain = Strain()
     collisions: int = 0
     _touched_s: dict[int, float] = field(default_factory=dict)
+    _anchor: tuple[float, float, float] = (np.inf, np.inf, 0.0)  # place and heading where the rover last got on
 
     def look(
         self,
@@ -93,8 +101,20 @@ class Judge:
             last_s = self._touched_s.get(contact.obstacle_id, -np.inf)
             self.collisions += contact.time_s - last_s > self.limits.touch_gap_s
             self._touched_s[contact.obstacle_id] = contact.time_s
+        digging = digging and not self._gets_on(state.pose)
         self.strain = advance_strain(self.strain, touching=bool(contacts), digging=digging, step_s=step_s)
         impact = max((contact.impact_speed_m_s for contact in contacts), default=0.0)
         if self.limits.touch_ends and (contacts or wheel_touched):
             return Reason.COLLISION
         return verdict(self.strain, self.limits, tilt_rad=state.tilt_rad, impact_m_s=impact)
+
+    def _gets_on(self, pose: Pose) -> bool:
+        """Whether the rover has moved or turned since it last did."""
+        x, y = pose.position_w[:2].tolist()
+        heading = euler_from_quaternion(pose.quaternion_w)[2]
+        moved = hypot(x - self._anchor[0], y - self._anchor[1])
+        turned = abs(wrap_angle(heading - self._anchor[2]))
+        if moved < self.limits.gets_on_m and turned < self.limits.gets_on_rad:
+            return False
+        self._anchor = (x, y, heading)
+        return True

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from rover_sim.outcome import Judge, Reason
 from rover_sim.sim import mobility_events as mobility
 from rover_sim.sim.mobility_events import Kind, MobilityLimits, MobilityLog, Standards
 from rover_sim.sim.rover import load_rover
@@ -155,6 +156,33 @@ def test_embedding_needs_slip_and_growing_sinkage() -> None:
     assert not log.digging(rolling(speed=0.0))
     # Sinkage that grew before slip reached the limit is ordinary.
     assert found(watched((replace(slipping, linear_velocity_w=np.array([0.4, 0.0, 0.0])), 1.0), (grown, 0.0))) == []
+
+
+def verdicts(places: list[tuple[float, float, bool]]) -> list[Reason | None]:
+    """What a judge says that looks twice a second; each place is x, heading and whether wheels dig."""
+    judge = Judge()
+    said = []
+    for x, heading, digging in places:
+        pose = Pose(np.array([x, 0.0, 0.165]), quaternion_from_euler(0.0, 0.0, heading))
+        said.append(judge.look(replace(rolling(), pose=pose), (), 0.5, digging=digging))
+    return said
+
+
+def test_embedded_is_digging_for_fifteen_seconds_on_the_spot() -> None:
+    on_the_spot = [(0.0, 0.0, True)] * 31
+    assert verdicts(on_the_spot) == [None] * 31  # the first look is where it got to
+    assert verdicts([*on_the_spot, (0.0, 0.0, True)]) == [None] * 31 + [Reason.EMBEDDED]
+    assert verdicts([*on_the_spot, (0.0, 0.0, False), *on_the_spot[1:]]) == [None] * 62
+    moved_on = [(0.11, 0.0, True)] * 32
+    assert verdicts([*on_the_spot, *moved_on]) == [None] * 62 + [Reason.EMBEDDED]
+
+
+def test_a_rover_that_turns_or_crawls_on_while_its_wheels_dig_is_not_embedded() -> None:
+    assert verdicts([(0.0, 0.03 * look, True) for look in range(200)]) == [None] * 200
+    assert verdicts([(0.01 * look, 0.0, True) for look in range(200)]) == [None] * 200
+    assert Reason.EMBEDDED in verdicts([(0.001 * look, 0.0, True) for look in range(200)])
+    rocking = [(0.0, 0.05 * (look % 2), True) for look in range(40)]
+    assert Reason.EMBEDDED in verdicts(rocking)
 
 
 def test_the_alarm_carries_the_tip_angle_ahead() -> None:

@@ -125,11 +125,3 @@ def test_events_are_counted_all_and_listed_up_to_a_limit() -> None:
     assert len(figures["events"]) == EVENTS_LISTED
     place = {"time_s": 1.2346, "position_m": [1.0, 2.0, 0.123], "wheel": 3}
     assert figures["events"][0] == {"kind": "traction_loss", **place}
-
-
-def test_digging_in_for_five_seconds_without_a_break_is_embedded() -> None:
-    strain, limits, reasons = Strain(), Limits(), []
-    for digging in [True] * 9 + [False] + [True] * 11:
-        strain = advance_strain(strain, touching=False, digging=digging, step_s=0.5)
-        reasons.append(verdict(strain, limits, tilt_rad=0.0, impact_m_s=0.0))
-    assert reasons == [None] * 20 + [Reason.EMBEDDED]
