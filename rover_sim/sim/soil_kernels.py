@@ -266,8 +266,10 @@ def _traction(
     limit = constants[COHESION] * constants[WIDTH] * length + normal * constants[TAN_PHI]
     share = min(1.0, limit / max(sqrt(force_x * force_x + force_y * force_y), 1e-12))
     # The wall beside the wheel is another body of soil: its resistance comes on top of the shear under the wheel, and
-    # builds up as the wedge behind it is sheared.
-    wall *= 1.0 - exp(-abs(state[SHEAR_Y]) / constants[SHEAR_MODULUS])
+    # builds up as the wedge behind it is sheared: from nothing, as it is fresh, at the front of the contact. The mean
+    # of 1 - exp(-j / K) over a displacement that grows evenly along the contact to that of the state.
+    build = abs(state[SHEAR_Y]) / constants[SHEAR_MODULUS]
+    wall *= 1.0 - (1.0 - exp(-build)) / build if build > 1e-3 else 0.5 * build
     wall = wall if state[SHEAR_Y] > 0.0 else -wall
     return share * force_x, share * force_y + wall, drag
 
