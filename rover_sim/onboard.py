@@ -11,17 +11,16 @@ from perception.pipeline import Knowledge, Perception, perceive
 from planner import navigator
 from planner.mobility import backing_path
 from planner.navigator import Decision, NavigatorState
+from planner.terrain_map import RockMemory
 from rover_sim.autopilot.modes import Mode, Severity
 from rover_sim.mavlink.companion import Companion
 from rover_sim.mavlink.geodesy import LocalFrame
-from rover_sim.mavlink.plan_items import backing_items, mission_items
+from rover_sim.mavlink.plan_items import CRUISE_M_S, backing_items, risky_speed, way_items
 from rover_sim.mavlink.uploader import Upload, UploadState
 from rover_sim.mavlink.wire import WireItem
 from rover_sim.summary import Counts
 from worlds.types import FloatArray, Frame, LaserScan, Observation, PoseEstimate, Vector3
 
-CRUISE_M_S = 0.6
-RISK_SLOWING = 0.5  # share of the cruise speed that full risk takes
 SPEED_STEP = 0.08  # a smaller share of change is not worth a message
 UPLOAD_S = 0.3  # that a mission takes: what the rover passes meanwhile is left out
 SILENT_LOOKS, SILENT_S = 3, 1.0  # the longer of the two makes an eye count as lost
@@ -70,6 +69,16 @@ class OnboardComputer:
         self._speed_m_s = CRUISE_M_S  # told last
         self._eyes_s = dict(eyes_s or {})
         self._seen_s = dict.fromkeys(self._eyes_s, 0.0)
+
+    @property
+    def end(self) -> Decision | None:
+        """What ended the traverse as the planner sees it; None while it goes on."""
+        return self.plan.end
+
+    @property
+    def rocks(self) -> RockMemory:
+        """Rocks as they are remembered."""
+        return self.plan.memory.rocks
 
     @property
     def doing(self) -> str:
@@ -156,14 +165,11 @@ class OnboardComputer:
 
     def _send_way(self, decision: Decision, estimate: PoseEstimate, time_s: float) -> None:
         """Upload the way; its first point is where the rover is, and no item of the mission."""
-        ahead = _not_passed(decision.waypoints_w, estimate)
-        height = float(estimate.pose.position_w[2])
-        places = [(float(x), float(y), height) for x, y in ahead]
-        speed = CRUISE_M_S * (1.0 - RISK_SLOWING * decision.risk) if decision.speed_m_s is None else decision.speed_m_s
-        self._speed_m_s = speed
-        self._drive(mission_items(places, self._local, self._home_w, round(speed, 2)), time_s)
+        ahead, height = _not_passed(decision.waypoints_w, estimate), float(estimate.pose.position_w[2])
+        self._speed_m_s = risky_speed(decision.risk) if decision.speed_m_s is None else decision.speed_m_s
+        self._drive(way_items(ahead, height, self._local, self._home_w, self._speed_m_s), time_s)
         self.ways_w.append(np.asarray(decision.waypoints_w))
-        self.counts = replace(self.counts, waypoints_sent=self.counts.waypoints_sent + len(places))
+        self.counts = replace(self.counts, waypoints_sent=self.counts.waypoints_sent + len(ahead))
 
     def _drive(self, items: list[WireItem], time_s: float) -> None:
         self._upload = self._companion.drive(items, time_s)

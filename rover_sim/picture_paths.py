@@ -11,7 +11,7 @@ from perception.pipeline import View
 from planner.choice import Models, Place, choose, dense
 from planner.obstacle_map import obstacles
 from planner.terrain_map import empty_memory, remember
-from worlds.types import FloatArray, Footprint, Observation
+from worlds.types import BoolArray, FloatArray, Footprint, Observation
 
 GOAL_RANGE_M = 8.0  # straight ahead; within the range that the perception places rocks at
 GOAL_RADIUS_M = 0.5
@@ -27,6 +27,7 @@ class PicturePath:
     traversability: float
     points_px: FloatArray  # (N, 2) column, row
     points_w: FloatArray  # (N, 2) on the ground
+    whole_w: FloatArray  # (M, 2) with what lies before it, from the rover's place on
 
 
 def picture_paths(observation: Observation, view: View, footprint: Footprint) -> tuple[PicturePath, ...]:
@@ -52,7 +53,7 @@ def picture_paths(observation: Observation, view: View, footprint: Footprint) ->
 def in_picture(waypoints_w: FloatArray, traversability: float, view: View) -> PicturePath | None:
     """The part of a ground path that the camera sees: where it enters the picture, and the waypoints after that."""
     fine = dense(waypoints_w, _SPACING_M)
-    inside = _inside(fine, view)
+    inside, _ = in_view(fine, view)
     if not inside.any():
         return None
     first, last = int(np.argmax(inside)), len(inside) - 1 - int(np.argmax(inside[::-1]))
@@ -61,13 +62,14 @@ def in_picture(waypoints_w: FloatArray, traversability: float, view: View) -> Pi
     corner[[first, last]] = True
     chosen = fine[first : last + 1][corner[first : last + 1]]
     pixels, _ = project(view.camera, view.pose, _on_plane(chosen, view))
-    return PicturePath(traversability, pixels, chosen)
+    return PicturePath(traversability, pixels, chosen, waypoints_w)
 
 
-def _inside(points_w: FloatArray, view: View) -> FloatArray:
+def in_view(points_w: FloatArray, view: View) -> tuple[BoolArray, FloatArray]:
+    """Which ground places (N, 2) the picture shows, and the pixels (N, 2) of all."""
     pixels, depth = project(view.camera, view.pose, _on_plane(points_w, view))
     limits = np.array([view.camera.width_px, view.camera.height_px])
-    return np.asarray((depth > 0) & (pixels >= 0).all(axis=1) & (pixels <= limits).all(axis=1))
+    return np.asarray((depth > 0) & (pixels >= 0).all(axis=1) & (pixels <= limits).all(axis=1)), pixels
 
 
 def _on_plane(points_w: FloatArray, view: View) -> FloatArray:

@@ -12,6 +12,8 @@ from perception.pipeline import ImageRock, Perception
 from rover_sim import __version__
 from rover_sim.camera_file import CameraFile, default_camera
 from rover_sim.picture_paths import PicturePath
+from rover_sim.verdict import Verdict
+from rover_sim.verify import Check
 
 
 def result_table(
@@ -28,6 +30,32 @@ def result_table(
         "classes": ["".join(row) for row in found.classes.tolist()],
         "rocks": [_rock(rock, found.scale, metric=metric) for rock in found.rocks],
         "waypoints": [_path(path, metric=metric) for path in paths],
+    }
+
+
+def verification_table(rover: str, checks: Sequence[Check], left_out: Sequence[int], *, metric: bool) -> dict[str, Any]:
+    """How each path was driven, in the order of ``waypoints``.
+
+    Unlike the keys of rocks and waypoints these keep their metres without a camera file: they are lengths in the
+    virtual terrain, whose scale is then that of the assumed camera, and ``scale`` says so.
+    """
+    verdicts = [check.verdict for check in checks]
+    return {
+        "scale": "camera" if metric else "assumed",
+        "rover": rover,
+        "rocks_left_out": list(left_out),  # the rover stands in them
+        "best_verified_path": verdicts.index(Verdict.VERIFIED) if Verdict.VERIFIED in verdicts else None,
+        "paths": [_check(index, check) for index, check in enumerate(checks)],
+    }
+
+
+def _check(index: int, check: Check) -> dict[str, Any]:
+    return {
+        "path": index,
+        "verdict": check.verdict.value,
+        "safe": check.drive.safe,
+        "unseen_m": round(check.unseen_m, 4),
+        **check.drive.figures,
     }
 
 

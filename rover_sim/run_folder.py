@@ -58,6 +58,6 @@ def write(folder: Path, traverse: Traverse, sights: Sights, summary: dict[str, A
 
 def _perceived(traverse: Traverse) -> FloatArray:
     """Remembered rocks (M, 4): x, y, diameter and one sigma of the place."""
-    rocks = traverse.onboard.plan.memory.rocks
+    rocks = traverse.onboard.rocks
     diameter = np.sqrt(rocks.length_m * rocks.width_m)
     return np.column_stack([rocks.centre_w, diameter, rocks.worst_sd_m]).reshape(-1, 4)

@@ -14,6 +14,7 @@ from planner import localization, navigator
 from planner.localization import SensorModel
 from rover_sim.autopilot.autopilot import Autopilot
 from rover_sim.eyes import eyes
+from rover_sim.given_way import GivenWay, Pilot, Way
 from rover_sim.mavlink.mission_file import write_plan, write_waypoints
 from rover_sim.mavlink.stack import MavlinkStack
 from rover_sim.onboard import OnboardComputer, Sight
@@ -49,6 +50,7 @@ class RunOptions:
     connect: tuple[str, ...] = ()
     realtime: bool = False
     any_touch_ends: bool = False  # of an obstacle, by hull or wheel
+    way: Way | None = None  # drive this one with closed eyes instead of seeing and planning
 
 
 @dataclass(frozen=True)
@@ -87,7 +89,7 @@ class Traverse:
         self._mobility, self._wheel_names = MobilityLog(rover, scenario.gravity_m_s2), wheel_names(rover)
         home = (*scenario.rover.start_m, float(world.start.position_w[2]))
         self._autopilot = _autopilot(self._footprint, home, scenario.gravity_m_s2)
-        self._eyes = eyes(scenario, STEPS_PER_S)
+        self._eyes = eyes(scenario, STEPS_PER_S) if options.way is None else {}
         self._stack = MavlinkStack(world.origin, self._autopilot, options.connect, tlog)
         try:
             self._simulation = Simulation(world, rover, np.random.default_rng([world.seed, SENSOR_STREAM]))
@@ -97,11 +99,12 @@ class Traverse:
         except BaseException:
             self._stack.close()
             raise
-        goal = scenario.goal
-        plan = navigator.begin(goal.position_m, goal.radius_m, self._footprint, scenario.rover.start_m)
-        knowledge = load_knowledge("rendered")
-        periods = {name: eye.steps / STEPS_PER_S for name, eye in self._eyes.items()}
-        self.onboard = OnboardComputer(self._stack.companion, self._stack.frame, home, plan, knowledge, periods)
+        self._computer: OnboardComputer | None = None
+        self.onboard: Pilot
+        if options.way is None:
+            self.onboard = self._computer = self._planner(home)
+        else:
+            self.onboard = GivenWay(self._stack.companion, self._stack.frame, home, options.way)
         self._locate_start(home)
 
     def __enter__(self) -> Self:
@@ -171,6 +174,15 @@ class Traverse:
         write_waypoints(waypoints, items)
         write_plan(plan, items, self._autopilot.parameters["CRUISE_SPEED"])
 
+    def _planner(self, home_w: Vector3) -> OnboardComputer:
+        """A pilot that sees and plans."""
+        scenario = self.world.scenario
+        goal = scenario.goal
+        plan = navigator.begin(goal.position_m, goal.radius_m, self._footprint, scenario.rover.start_m)
+        periods = {name: eye.steps / STEPS_PER_S for name, eye in self._eyes.items()}
+        knowledge = load_knowledge("rendered")
+        return OnboardComputer(self._stack.companion, self._stack.frame, home_w, plan, knowledge, periods)
+
     def _locate_start(self, home_w: tuple[float, float, float]) -> None:
         """The rover starts on a surveyed point, at rest."""
         readings = self._simulation.read_sensors()
@@ -192,13 +204,15 @@ class Traverse:
     def _see(self, step: int, on_sight: Callable[[Sight], None]) -> bool:
         """Use the eyes whose time it is; whether any was."""
         due = [name for name, eye in self._eyes.items() if eye.due(step, STEPS_PER_S)]
+        if self._computer is None:
+            return False
         if "camera" in due and self._renderer is not None:
-            on_sight(self._look(self._renderer))
+            on_sight(self._look(self._renderer, self._computer))
         if "laser" in due and self._scanner is not None:
-            self._scan(self._scanner)
+            self._scan(self._scanner, self._computer)
         return bool(due)
 
-    def _scan(self, scanner: LaserScanner) -> None:
+    def _scan(self, scanner: LaserScanner, computer: OnboardComputer) -> None:
         """A turn of the scanner where it truly is, placed where the rover believes it to be."""
         time_s, laser = self._simulation.time_s, scanner.laser
         believed = self._estimate.pose
@@ -210,9 +224,9 @@ class Traverse:
             pose=Pose(place, believed.quaternion_w),
             ground=localization.ground_plane(self._located, self._footprint.wheel_radius_m),
         )
-        self.onboard.scan(scan, self._estimate, time_s)
+        computer.scan(scan, self._estimate, time_s)
 
-    def _look(self, renderer: Renderer) -> Sight:
+    def _look(self, renderer: Renderer, computer: OnboardComputer) -> Sight:
         """A picture from where the camera truly is, judged from where the rover believes it to be."""
         time_s, camera = self._simulation.time_s, self._camera
         rendered = renderer.render(camera, camera_pose(self._simulation.state.pose, camera))
@@ -223,7 +237,7 @@ class Traverse:
             camera_pose=camera_pose(self._estimate.pose, camera),
             ground=localization.ground_plane(self._located, self._footprint.wheel_radius_m),
         )
-        sight = self.onboard.look(frame, self._estimate, time_s)
+        sight = computer.look(frame, self._estimate, time_s)
         self._classes.add(rendered.ids, rendered.depth_m, sight.perception.classes)
         return sight
 
@@ -245,7 +259,7 @@ class Traverse:
 
     def _declared_end(self, state: VehicleState) -> tuple[Reason, str] | None:
         """The end that the rover itself has declared, or that link or time have."""
-        goal, end = self.world.scenario.goal, self.onboard.plan.end
+        goal, end = self.world.scenario.goal, self.onboard.end
         if end is not None and end.kind == "no_path":
             return Reason.NO_PATH, end.reason
         if end is not None:
@@ -259,7 +273,7 @@ class Traverse:
 
     def _loss(self, time_s: float) -> tuple[Reason, str] | None:
         """The end that a silent eye or link makes."""
-        if silent := self.onboard.silent_eye(time_s):
+        if self._computer is not None and (silent := self._computer.silent_eye(time_s)):
             return Reason.SENSOR_LOST, silent
         if time_s > LINK_GRACE_S and not self._stack.companion.linked:
             return Reason.LINK_LOST, "the companion no longer hears the vehicle"

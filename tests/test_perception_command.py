@@ -14,7 +14,7 @@ from tests.test_perception_pipeline import BASALT, sand, with_rock
 from worlds.types import ByteArray
 
 CAMERA_TOML = "width = 320\nheight = 240\nfov_deg = 75.2\npitch_deg = 25.0\nheight_m = 1.1\n"
-ENDINGS = (".json", "_rocks.png", "_overlay.png", "_terrain.glb")
+ENDINGS = (".json", "_rocks.png", "_overlay.png", "_terrain.glb", "_scenario.toml")
 
 
 def scene() -> ByteArray:
@@ -55,7 +55,7 @@ def test_all_files_of_the_contract(tmp_path: Path, capsys: pytest.CaptureFixture
     assert mask.shape == (240, 320)
     assert set(np.unique(mask)) == {0, 255}
     model = trimesh.load_scene(tmp_path / "out" / "a_terrain.glb")
-    assert set(model.geometry) == {"ground", "rocks"}
+    assert set(model.geometry) == {"ground", "classes", "rocks", "paths"}
     assert capsys.readouterr().out.startswith("a.png: 1 rocks")
 
 
@@ -113,6 +113,9 @@ def test_an_all_black_picture_is_answered_with_u(tmp_path: Path, shape: tuple[in
     assert table["rocks"] == []
 
 
+BAD = ("cut.png", "cut.jpg", "text.png", "empty.png", "float.tiff", "missing.png", "folder")
+
+
 def bad_files(tmp_path: Path) -> dict[str, Path]:
     good = written(tmp_path / "good.png", scene()).read_bytes()
     jpeg = written(tmp_path / "good.jpg", scene()).read_bytes()
@@ -125,10 +128,12 @@ def bad_files(tmp_path: Path) -> dict[str, Path]:
         (tmp_path / name).write_bytes(data)
     floats = np.zeros((20, 20), dtype=np.float32)
     (tmp_path / "float.tiff").write_bytes(cv2.imencode(".tiff", floats)[1].tobytes())
-    return {n: tmp_path / n for n in ("cut.png", "cut.jpg", "text.png", "empty.png", "float.tiff", "missing.png", ".")}
+    (tmp_path / "folder").mkdir()
+    (tmp_path / "folder" / "notes.txt").write_text("no picture", encoding="utf-8")
+    return {name: tmp_path / name for name in BAD}
 
 
-@pytest.mark.parametrize("name", ["cut.png", "cut.jpg", "text.png", "empty.png", "float.tiff", "missing.png", "."])
+@pytest.mark.parametrize("name", BAD)
 def test_what_is_no_picture_is_told_in_one_line(tmp_path: Path, name: str, capsys: pytest.CaptureFixture[str]) -> None:
     path = bad_files(tmp_path)[name]
     assert run(path, "--out", tmp_path / "out") == 2
@@ -136,13 +141,30 @@ def test_what_is_no_picture_is_told_in_one_line(tmp_path: Path, name: str, capsy
     assert "\n" not in told
     assert str(path) in told
     assert "8 or 16 bits" in told
-    assert list((tmp_path / "out").iterdir()) == []
+    assert not list((tmp_path / "out").glob("*"))
 
 
-def test_good_pictures_are_done_beside_bad_ones(tmp_path: Path) -> None:
-    good = written(tmp_path / "good.png", scene())
-    assert run(tmp_path / "missing.png", good, "--out", tmp_path / "out") == 2
-    assert (tmp_path / "out" / "good.json").is_file()
+@pytest.mark.parametrize("share", [12, 1])
+def test_the_good_pictures_of_a_folder_are_done_beside_bad_ones(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, share: int
+) -> None:
+    """In this process and in others; every bad picture is one line."""
+    monkeypatch.setattr("rover_sim.commands.perceive.SHARE", share)
+    folder = tmp_path / "in"
+    folder.mkdir()
+    (folder / "notes.txt").write_text("no picture", encoding="utf-8")
+    (folder / "bad.jpg").write_bytes(b"nor this")
+    for name in ("a.png", "b.JPG"):
+        written(folder / name, scene())
+    assert run(folder, tmp_path / "missing.png", "--out", tmp_path / "out", "--workers", "2") == 2
+    told = capsys.readouterr()
+    assert [line.split()[0] for line in told.out.splitlines()] == ["a.png:", "b.JPG:", "2"]
+    assert "2 of 4 pictures perceived" in told.out
+    faults = sorted(told.err.splitlines())
+    assert len(faults) == 2
+    assert "bad.jpg: not a picture" in faults[0]
+    assert "missing.png: cannot be read" in faults[1]
+    assert (tmp_path / "out" / "b.json").is_file()
 
 
 def test_equal_names_and_overwriting_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

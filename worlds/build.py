@@ -20,7 +20,7 @@ from worlds.shapes import SolidShapes
 from worlds.soil_file import load_soil
 from worlds.soil_map import lay_soils
 from worlds.synthesis import synthesise
-from worlds.types import Cylinder, FloatArray, HeightField, Pose, Rock, RockTable, World
+from worlds.types import Cylinder, FloatArray, HeightField, Pose, Rock, RockShape, RockTable, World
 
 MAX_ROCKS = 1_500_000  # placement stays within seconds and some hundred megabytes
 
@@ -120,7 +120,21 @@ def _reach(obstacle: Obstacle) -> float:
     """Radius in metres of the circle around all of an explicit obstacle."""
     if obstacle.kind == "cylinder":
         return obstacle.radius_m
-    return base_extents(obstacle.formation, 2.0 * obstacle.radius_m)[0] / 2.0
+    return _extents(obstacle)[0] / 2.0
+
+
+def _extents(rock: Obstacle) -> tuple[float, float]:
+    """Length and width in metres of an explicit rock."""
+    return base_extents(rock.formation, 2.0 * rock.radius_m, rock.aspect)
+
+
+def _holds(obstacle: Obstacle, place: tuple[float, float]) -> bool:
+    """Whether a place lies on an obstacle's base; that of a rock is taken as an ellipse."""
+    length, width = (2.0 * obstacle.radius_m,) * 2 if obstacle.kind == "cylinder" else _extents(obstacle)
+    yaw = np.radians(obstacle.yaw_deg)
+    x, y = place[0] - obstacle.position_m[0], place[1] - obstacle.position_m[1]
+    along, across = np.cos(yaw) * x + np.sin(yaw) * y, np.cos(yaw) * y - np.sin(yaw) * x
+    return bool(np.hypot(2.0 * along / length, 2.0 * across / width) < 1.0)
 
 
 def _check_places(scenario: Scenario, ground: HeightField, source: str) -> None:
@@ -128,7 +142,7 @@ def _check_places(scenario: Scenario, ground: HeightField, source: str) -> None:
     for key, place in (("rover.start_m", scenario.rover.start_m), ("goal.position_m", scenario.goal.position_m)):
         _check_on_map(f"{source}: {key}", place, ground, MAP_MARGIN_M)
         for index, item in enumerate(scenario.obstacle):
-            if np.hypot(place[0] - item.position_m[0], place[1] - item.position_m[1]) < _reach(item):
+            if _holds(item, place):
                 raise ScenarioError(
                     f"{source}: {key} = {list(place)}: lies inside obstacle[{index}], a {item.kind} of radius "
                     f"{_reach(item):.3g} m at {list(item.position_m)}"
@@ -154,10 +168,10 @@ def _explicit_rocks(scenario: Scenario, ground: HeightField) -> tuple[Rock, ...]
         Rock(
             number,
             _on_ground(ground, item.position_m),
-            *base_extents(item.formation, 2.0 * item.radius_m),
+            *_extents(item),
             height_m=item.height_m,
             yaw_rad=float(np.radians(item.yaw_deg)),
-            shape=rock_shape(item.formation),
+            shape=RockShape(item.formation, item.sections) if item.sections else rock_shape(item.formation),
         )
         for number, item in enumerate(items, start=1)
     )

@@ -32,6 +32,7 @@ PROFILES = np.array(
 )
 
 MIN_ASPECT, MAX_ASPECT = 1.3, 2.2  # length over width of an elongated rock; less than 1.25 counts as square
+USUAL_ASPECT = 1.6
 PROFILE_SPREAD = 0.05  # one sigma of each diameter between rocks of one formation
 
 
@@ -45,9 +46,13 @@ def rock_shape(formation: int) -> RockShape:
     return RockShape(formation, tuple(float(ratio) for ratio in PROFILES[formation]))
 
 
-def base_extents(formation: int, diameter_m: float, aspect: float = 1.6) -> tuple[float, float]:
-    """Length and width in metres of a rock whose base has the area of a circle of ``diameter_m``."""
-    stretch = 1.0 if formation == 0 else float(np.sqrt(aspect))
+def base_extents(formation: int, diameter_m: float, aspect: float | None = None) -> tuple[float, float]:
+    """Length and width in metres of a rock whose base has the area of a circle of ``diameter_m``.
+
+    ``aspect`` is length over width; None: 1 for the hemisphere, else 1.6.
+    """
+    usual = 1.0 if formation == 0 else USUAL_ASPECT
+    stretch = float(np.sqrt(usual if aspect is None else aspect))
     return diameter_m * stretch, diameter_m / stretch
 
 

@@ -16,6 +16,8 @@ MAX_CELLS = (
 )
 SLOWEST_CAMERA_HZ = 0.1
 MAX_PATCHES = 200  # of soil
+SECTIONS = 9  # A0..A8 of a rock
+LEAST_SECTION = 0.05  # of those between the tips: a rock is one body
 ROVER_SUFFIXES = (".toml", ".urdf")  # of a rover of the user's own; a shipped one is a bare name
 MAP_MARGIN_M = 1.0  # start and goal stay this far inside the map, so that a rover fits on it
 
@@ -55,14 +57,16 @@ class Rocks(_Table, frozen=True):
 
 
 class Obstacle(_Table, frozen=True):
-    """An explicit obstacle."""
+    """An explicit obstacle; ``radius_m`` of a rock is that of the circle of equal base."""
 
     kind: Literal["cylinder", "rock"]
     position_m: tuple[float, float]
     radius_m: float
     height_m: float
     formation: int = 0
-    yaw_deg: float = 0.0
+    yaw_deg: float = 0.0  # of a rock's principal axis
+    aspect: float | None = None  # length of a rock over its width; None: 1 for formation 0, else 1.6
+    sections: tuple[float, ...] = ()  # of a rock: nine diameters A0..A8 over the largest; none: the formation's own
 
 
 class SoilPatch(_Table, frozen=True):
@@ -180,6 +184,8 @@ LIMITS: dict[str, tuple[float, float]] = {
     "obstacle.height_m": (0.01, 20.0),
     "obstacle.formation": (0, 9),
     "obstacle.yaw_deg": (-360.0, 360.0),
+    "obstacle.aspect": (1.0, 10.0),
+    "obstacle.sections": (0.0, 1.0),
     "soil.patch.position_m": (-1e5, 1e5),
     "soil.patch.radius_m": (0.05, 1e4),
     "soil.patch.size_m": (0.05, 1e4),
@@ -260,6 +266,7 @@ def check_scenario(scenario: Scenario, source: str) -> None:
         )
     if not rocks.formations:
         raise ScenarioError(f"{source}: rocks.formations = []: must name at least one of 0 to 9")
+    _check_obstacles(scenario.obstacle, source)
     _check_soils(scenario.soil, source)
     _check_eyes(scenario, source)
     if scenario.terrain.kind != "dem":
@@ -293,6 +300,23 @@ def _check_eyes(scenario: Scenario, source: str) -> None:
     for name, present in (("laser", sensors.laser), ("camera", rate > 0.0)):
         if getattr(sensors, f"{name}_fails_s") is not None and not present:
             raise ScenarioError(f"{source}: sensors.{name}_fails_s: the rover has no {name} that could fail")
+
+
+def _check_obstacles(obstacles: tuple[Obstacle, ...], source: str) -> None:
+    """Raise a `ScenarioError` for a cylinder with the measures of a rock, and for sections that make no body."""
+    for number, item in enumerate(obstacles):
+        where = f"{source}: obstacle[{number}]"
+        if item.kind == "cylinder" and (item.aspect is not None or item.sections):
+            raise ScenarioError(f"{where}.kind = cylinder: aspect and sections are keys of a rock")
+        if item.sections and len(item.sections) != SECTIONS:
+            raise ScenarioError(
+                f"{where}.sections: has {len(item.sections)} numbers; give the {SECTIONS} diameters A0..A8"
+            )
+        if item.sections and (max(item.sections) < 1.0 or min(item.sections[1:-1]) < LEAST_SECTION):
+            raise ScenarioError(
+                f"{where}.sections = {list(item.sections)}: the largest must be 1 and those between the tips at least "
+                f"{LEAST_SECTION:g}"
+            )
 
 
 def _check_soils(soil: SoilChoice, source: str) -> None:

@@ -7,8 +7,10 @@ from collections.abc import Sequence
 from rover_sim.mavlink.dialect import mavlink
 from rover_sim.mavlink.geodesy import LocalFrame, heading_deg
 from rover_sim.mavlink.wire import WAYPOINT, WireItem
-from worlds.types import Vector3
+from worlds.types import FloatArray, Vector3
 
+CRUISE_M_S = 0.6
+RISK_SLOWING = 0.5  # share of the cruise speed that full risk takes
 _NONE = (0.0, 0.0, 0.0, 0.0)
 
 
@@ -18,6 +20,19 @@ def mission_items(
     """Home, a speed if given, and the waypoints, all with heights above home."""
     speed = [] if speed_m_s is None else [_command(mavlink.MAV_CMD_DO_CHANGE_SPEED, 1.0, speed_m_s, -1.0)]
     return [home_item(frame, home_w), *speed, *(_waypoint(place, frame, home_w) for place in waypoints_w)]
+
+
+def way_items(
+    ahead_w: FloatArray, height_m: float, frame: LocalFrame, home_w: Vector3, speed_m_s: float
+) -> list[WireItem]:
+    """The mission of the waypoints (N, 2) ahead of the rover, all at one height."""
+    places = [(float(x), float(y), height_m) for x, y in ahead_w]
+    return mission_items(places, frame, home_w, round(speed_m_s, 2))
+
+
+def risky_speed(risk: float) -> float:
+    """Speed (m/s) of a way of ``risk`` 0..1."""
+    return CRUISE_M_S * (1.0 - RISK_SLOWING * risk)
 
 
 def backing_items(place_w: Vector3, frame: LocalFrame, home_w: Vector3) -> list[WireItem]:
