@@ -78,7 +78,7 @@ def add(score: Score, view: RenderedView, found: Perception) -> None:
     placed = {rock.id: rock.placed for rock in found.rocks if rock.placed is not None}
     hits = {mates[label]: label for label in placed if label in mates}
     score.pictures += 1
-    score.ttams.append(ttam(true_classes(ids, view.truth.depth_m), found.classes))
+    score.ttams.append(ttam(true_classes(view.clasts, view.truth.depth_m), found.classes))
     for row, identity in enumerate(true.ids.tolist()):
         if true.diameter_m[row] >= LEAST_M and true.range_m[row] <= WITHIN_M and true.seen_px[row]:
             score.sizes.append((bool(which[row]), identity in hits, int(true.seen_px[row])))

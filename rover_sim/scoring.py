@@ -1,4 +1,7 @@
-"""What the picture truly shows: terrain classes from the renderer's id and depth buffers, for scoring only."""
+"""What the picture truly shows: terrain classes from the renderer's truth, for scoring only.
+
+Clasts are rocks and the pebbles of the ground texture alike: whoever labels a picture by eye sees no difference.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +15,9 @@ from worlds.types import IntArray, TerrainClass
 
 WINDOW_PX = 20
 FAR_M = 15.0  # beyond it a 20 px window is an unresolved band near the horizon
-SPECK_PX = 16  # a rock's part in a window up to 4 x 4 pixels is a very small rock
+RESOLVED_PX = 4  # 2 x 2 pixels: a clast that covers less of the picture is not told from a grain of soil
+SPECK_PX = 4  # one clast of no more in a window leaves it sand
+VERY_SMALL_PX = 16  # a clast's part in a window up to 4 x 4 pixels is a very small rock
 BIG_EXTENT_PX = 20
 BIG_COVER = 0.40
 VERY_ROUGH_COVER = 0.35
@@ -20,7 +25,7 @@ ROUGH_COVER = 0.10
 
 
 def rock_extents_px(ids: IntArray) -> IntArray:
-    """Longer side (pixels) of each rock's box in the whole picture, indexed by rock id."""
+    """Longer side (pixels) of each clast's box in the whole picture, indexed by its id."""
     rows, columns = np.nonzero(ids > 0)
     owner = ids[rows, columns]
     count = int(owner.max(initial=0)) + 1
@@ -32,8 +37,15 @@ def rock_extents_px(ids: IntArray) -> IntArray:
     return np.asarray(np.maximum((high - low + 1).max(axis=1), 0), dtype=np.int32)
 
 
+def resolved(ids: IntArray) -> IntArray:
+    """``ids`` (H, W) with the clasts that cover less than `RESOLVED_PX` of the picture taken for ground."""
+    lifted = np.maximum(ids, 0)
+    small = np.bincount(lifted.ravel()) < RESOLVED_PX
+    return np.where((ids > 0) & small[lifted], 0, ids)
+
+
 def _window_class(pixels: IntArray, extent_px: IntArray) -> TerrainClass:
-    """Class of one near window with at least one rock pixel, by the working definitions of the six classes."""
+    """Class of one near window with at least one clast pixel, by the working definitions of the six classes."""
     owners, counts = np.unique(pixels[pixels > 0], return_counts=True)
     cover = counts.sum() / pixels.size
     largest = int(np.argmax(counts))
@@ -41,18 +53,21 @@ def _window_class(pixels: IntArray, extent_px: IntArray) -> TerrainClass:
         return TerrainClass.BIG_ROCK
     if cover > VERY_ROUGH_COVER:
         return TerrainClass.VERY_ROUGH
-    if cover >= ROUGH_COVER or counts[largest] > SPECK_PX:
+    if cover >= ROUGH_COVER or counts[largest] > VERY_SMALL_PX:
         return TerrainClass.ROUGH
-    return TerrainClass.VERY_SMALL_ROCKS
+    return TerrainClass.SAND if len(counts) == 1 and counts[0] <= SPECK_PX else TerrainClass.VERY_SMALL_ROCKS
 
 
 def true_classes(ids: IntArray, depth_m: NDArray[np.float32]) -> NDArray[np.str_]:
     """True class letters (rows, columns) of the 20 x 20 px windows of one rendered picture (H, W).
 
-    ``ids`` is -1 at the sky, 0 on the ground and the rock's id elsewhere. Windows that are mostly sky, or
-    farther than 15 m, are U. Rock cover and extent decide the rest, as in the hand labels of the six classes.
+    ``ids`` is -1 at the sky, 0 on bare ground and the clast's id elsewhere (`Renderer.clasts`). Windows that are
+    mostly sky, or farther than 15 m, are U. Cover and extent of clasts decide the rest, as in the hand labels of the
+    six classes: S no clast or one speck; V clasts up to about 4 px; m larger ones, or from 10 % cover; M over 35 %; B
+    one rock from 20 px long on 40 % of the window.
     """
     rows, columns = ids.shape[0] // WINDOW_PX, ids.shape[1] // WINDOW_PX
+    ids = resolved(ids)
     extent_px = rock_extents_px(ids)
     shape = (rows, WINDOW_PX, columns, WINDOW_PX)
     crop = np.s_[: rows * WINDOW_PX, : columns * WINDOW_PX]

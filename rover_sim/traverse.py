@@ -229,7 +229,8 @@ class Traverse:
     def _look(self, renderer: Renderer, computer: OnboardComputer) -> Sight:
         """A picture from where the camera truly is, judged from where the rover believes it to be."""
         time_s, camera = self._simulation.time_s, self._camera
-        rendered = renderer.render(camera, camera_pose(self._simulation.state.pose, camera))
+        true_pose = camera_pose(self._simulation.state.pose, camera)
+        rendered = renderer.render(camera, true_pose)
         frame = Frame(
             time_s=time_s,
             image=add_noise(rendered.image, self.world.scenario.camera.noise, self._camera_rng),
@@ -238,7 +239,8 @@ class Traverse:
             ground=localization.ground_plane(self._located, self._footprint.wheel_radius_m),
         )
         sight = computer.look(frame, self._estimate, time_s)
-        self._classes.add(rendered.ids, rendered.depth_m, sight.perception.classes)
+        clasts = renderer.clasts(camera, true_pose, rendered)
+        self._classes.add(clasts, rendered.depth_m, sight.perception.classes)
         return sight
 
     def _observe(self) -> tuple[Reason, str] | None:

@@ -8,7 +8,7 @@ import numpy as np
 
 from tests.prepared_shapes import PreparedShapes
 from worlds.geometry import camera_pose, quaternion_from_euler
-from worlds.scenario import Camera, Rocks, Scenario, Sun
+from worlds.scenario import Camera, GroundTexture, Rocks, Scenario, Sun, Terrain
 from worlds.soil import soil_preset
 from worlds.types import (
     CameraModel,
@@ -96,6 +96,7 @@ def world(
     cfa: float = 0.0,
     sun: tuple[float, float] = (120.0, 40.0),
     seed: int = 1,
+    texture: GroundTexture = "sand",
 ) -> World:
     """A world with domes at ``(x, y, radius, height)`` (ids from 1) and posts at the same (ids after them)."""
     ground = field() if ground is None else ground
@@ -110,7 +111,12 @@ def world(
         for identity, (x, y, radius, height) in enumerate(cylinders, start=len(rocks) + 1)
     ]
     walls = [post(cylinder) for cylinder in posts]
-    scenario = Scenario(name="made-by-hand", rocks=Rocks(cfa=cfa), sun=Sun(azimuth_deg=sun[0], elevation_deg=sun[1]))
+    scenario = Scenario(
+        name="made-by-hand",
+        terrain=Terrain(texture=texture),
+        rocks=Rocks(cfa=cfa),
+        sun=Sun(azimuth_deg=sun[0], elevation_deg=sun[1]),
+    )
     start = Pose(np.array([0.0, 0.0, height_near(ground, 0.0, 0.0)]), np.array([0.0, 0.0, 0.0, 1.0]))
     return World(
         scenario,

@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from rover_sim.sim.ground_textures import GROUND_SIZE_PX, pebbles
 from rover_sim.sim.renderer import make_renderer
 from rover_sim.sim.texture_kernels import sample_plane, sample_solid, sample_strip
-from rover_sim.sim.textures import GROUND_SIZE_PX, make_pyramid, pebbles, slopes_of, spectral_noise
+from rover_sim.sim.textures import make_pyramid, slopes_of, spectral_noise
 from tests.camera_factory import field, lens, look, world
 from worlds.types import BoolArray, FloatArray
 
@@ -38,12 +39,12 @@ def test_slopes_of_a_wave() -> None:
 
 
 def test_pebbles_cover_what_they_should() -> None:
-    height, share = pebbles(0.05, np.random.default_rng(3))
+    height, share, _, _ = pebbles(0.05, np.random.default_rng(3))
     # Overlaps take a little away.
     assert 0.035 < share.mean() < 0.055
     assert 0.0 <= share.min() <= share.max() <= 1.0
     assert 0.005 < height.max() < 0.03
-    bare, none = pebbles(0.0, np.random.default_rng(3))
+    bare, none, _, _ = pebbles(0.0, np.random.default_rng(3))
     assert bare.max() == none.max() == 0.0
 
 

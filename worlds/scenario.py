@@ -28,8 +28,11 @@ class _Table(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     """A table of a scenario file: a mistyped key is an error."""
 
 
+GroundTexture = Literal["sand", "ripples", "gravel"]
+
+
 class Terrain(_Table, frozen=True):
-    """Shape of the ground."""
+    """Shape of the ground, and its look close by."""
 
     kind: Literal["flat", "slope", "fractal", "dunes", "crater", "dem"] = "fractal"
     size_m: tuple[float, float] = (40.0, 40.0)
@@ -43,6 +46,7 @@ class Terrain(_Table, frozen=True):
     crop_m: tuple[float, float, float, float] | None = None
     resample: Literal["bilinear", "bicubic"] = "bicubic"
     height_range_m: tuple[float, float] | None = None
+    texture: GroundTexture = "sand"  # ripples: of wind; gravel: pebbles in patches
     detail_m: float = 0.0  # kind "dem": rms of seeded relief finer than the file's own grid
 
 

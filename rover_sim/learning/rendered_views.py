@@ -18,7 +18,7 @@ from rover_sim.sim.rover import load_rover
 from worlds.build import build_world
 from worlds.geometry import camera_pose, quaternion_from_rotation
 from worlds.heightfield import height_at
-from worlds.scenario import Camera, Goal, Rocks, Scenario, Sun, Terrain
+from worlds.scenario import Camera, Goal, GroundTexture, Rocks, Scenario, Sun, Terrain
 from worlds.types import BoolArray, FloatArray, Frame, GroundPlane, HeightField, IntArray, Pose, World
 
 SUNS_DEG = ((120, 40), (30, 25), (250, 60), (180, 15), (320, 35), (75, 50))  # azimuth, elevation
@@ -53,15 +53,18 @@ class RenderedView:
 
     frame: Frame
     truth: RenderedImage
+    clasts: IntArray  # (H, W) ids of the picture with its pebbles numbered after the rocks
     rocks: TrueRocks
 
 
-def make_world(seed: int, roughness_m: float) -> World:
-    """World of a seed: rocks, sun and cover change with it."""
-    azimuth, elevation = SUNS_DEG[seed % len(SUNS_DEG)]
+def make_world(
+    seed: int, roughness_m: float, sun_deg: tuple[float, float] | None = None, texture: GroundTexture = "sand"
+) -> World:
+    """World of a seed: rocks and cover change with it, and the sun (azimuth, elevation) where none is given."""
+    azimuth, elevation = SUNS_DEG[seed % len(SUNS_DEG)] if sun_deg is None else sun_deg
     scenario = Scenario(
         name="perception",
-        terrain=Terrain(kind="fractal", size_m=(WORLD_M, WORLD_M), roughness_m=roughness_m),
+        terrain=Terrain(kind="fractal", size_m=(WORLD_M, WORLD_M), roughness_m=roughness_m, texture=texture),
         rocks=Rocks(cfa=COVERS[seed % len(COVERS)]),
         goal=Goal(position_m=(12.0, 0.0)),
         sun=Sun(azimuth_deg=azimuth, elevation_deg=elevation),
@@ -100,7 +103,7 @@ def rendered_views(world: World, count: int, plane_reach_m: float = 0.5) -> Iter
         truth = renderer.render(camera, pose)
         believed = GroundPlane(stand.point_w, plane_around(world.ground, x, y, plane_reach_m).normal_w)
         frame = Frame(0.0, add_noise(truth.image, Camera().noise, rng), camera, pose, believed)
-        yield RenderedView(frame, truth, true_rocks(world, frame, truth.ids))
+        yield RenderedView(frame, truth, renderer.clasts(camera, pose, truth), true_rocks(world, frame, truth.ids))
         count -= 1
 
 

@@ -10,16 +10,17 @@ import numpy as np
 from rover_sim.sim import raster_kernels as raster
 from rover_sim.sim import shade_kernels as shading
 from rover_sim.sim.appearance import draw_looks, make_light
+from rover_sim.sim.clasts import clast_ids
+from rover_sim.sim.ground_textures import ground_look
 from rover_sim.sim.raster_scene import View, ground_plane, make_apron, make_tiles
 from rover_sim.sim.renderer import RenderedImage, check_camera, pose_rotation
 from rover_sim.sim.ruts import RutField, no_marks
 from rover_sim.sim.shade_types import Lens, Stones, Surface
 from rover_sim.sim.shadow_map import BIAS_TEXELS, SunShadows
 from rover_sim.sim.stone_store import StoneStore
-from rover_sim.sim.textures import drift_texture, ground_texture, rock_texture
+from rover_sim.sim.textures import drift_texture, rock_texture
 from worlds.types import CameraModel, FloatArray, HeightField, IntArray, Pose, World
 
-PEBBLE_COVER = (0.8, 0.10)  # pebbles cover this many times the rocks' share of area, at most so much
 BAND_ROWS = 256  # of the ground are worked out at a time
 
 
@@ -29,8 +30,8 @@ class Rasteriser:
     def __init__(self, world: World, ruts: RutField | None = None) -> None:
         self._ruts = ruts
         rng = np.random.default_rng([world.seed, 0xCA3E7A])
-        cover = min(PEBBLE_COVER[0] * world.scenario.rocks.cfa, PEBBLE_COVER[1])
-        self._fine, self._drift = ground_texture(cover, rng), drift_texture(rng)
+        look = ground_look(world.scenario.terrain.texture, world.scenario.rocks.cfa, rng)
+        self._fine, self._pebbles, self._drift = look.pyramid, look.pebbles, drift_texture(rng)
         self._solid = rock_texture(rng)
         self._light = make_light(world.scenario.sun)
         self._store = StoneStore(world.shapes)
@@ -92,6 +93,11 @@ class Rasteriser:
         depth = np.full(keys.shape, np.inf, dtype=np.float32)
         np.divide(np.float32(1.0), keys, out=depth, where=keys > 0)
         return RenderedImage(image, depth, self._store.ids(tags))
+
+    def clasts(self, camera: CameraModel, camera_pose: Pose, picture: RenderedImage) -> IntArray:
+        """The ids of a picture from there with the pebbles of the ground texture, each numbered after all rocks."""
+        first = int(max(self._store.owner, default=0)) + 1
+        return clast_ids(picture, camera, camera_pose, self._pebbles, self._drift, first)
 
     def _draw(self, view: View, keys: raster.KeyArray, tags: IntArray) -> None:
         """Fill the key and tag buffers."""

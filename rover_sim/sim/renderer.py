@@ -35,6 +35,10 @@ class Renderer(Protocol):
         """Picture from a pose whose axes are the camera's right, down and forward."""
         ...
 
+    def clasts(self, camera: CameraModel, camera_pose: Pose, picture: RenderedImage) -> IntArray:
+        """The ids of a picture from there, with every pebble that it shows numbered after all rocks."""
+        ...
+
 
 def make_renderer(world: World, ruts: RutField | None = None) -> Renderer:
     """The software rasteriser for a world; compiled parts are loaded here, or built on the first use ever.

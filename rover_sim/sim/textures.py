@@ -1,4 +1,4 @@
-"""Procedural textures of the ground and of rock, periodic, with slopes for lighting and a chain of mip levels.
+"""Procedural textures, periodic, with slopes for lighting and a chain of mip levels: broad ground, rock, and tools.
 
 All come from noise shaped in the frequency domain (Saupe, "Algorithms for random fractals", in *The Science of
 Fractal Images*, 1988); slopes are the gradient of a height made the same way.
@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from worlds.types import FloatArray
 
-GROUND_SIZE_PX, GROUND_TILE_M = 1024, 4.0
 DRIFT_SIZE_PX, DRIFT_TILE_M = 256, 23.0
 ROCK_SIZE_PX, ROCK_TILE_M = 64, 0.32
 
@@ -62,52 +61,6 @@ def slopes_of(height_m: FloatArray, tile_m: float) -> tuple[FloatArray, ...]:
     step = tile_m / height_m.shape[0]
     axes = range(height_m.ndim - 1, -1, -1)
     return tuple((np.roll(height_m, -1, axis) - np.roll(height_m, 1, axis)) / (2 * step) for axis in axes)
-
-
-def ground_texture(pebble_cover: float, rng: np.random.Generator) -> Pyramid:
-    """Sand with pebbles on a share ``pebble_cover`` (0..0.3) of it: brightness, slope x, slope y, pebble share."""
-    shape = (GROUND_SIZE_PX, GROUND_SIZE_PX)
-    grain = spectral_noise(shape, GROUND_TILE_M, (0.008, 0.12), 0.6, rng)
-    swell = spectral_noise(shape, GROUND_TILE_M, (0.05, 1.5), 1.8, rng)
-    stain = spectral_noise(shape, GROUND_TILE_M, (0.02, 2.0), 1.2, rng)
-    pebble_m, share = pebbles(pebble_cover, rng)
-    height = 0.00045 * grain + 0.004 * swell + pebble_m
-    slope_x, slope_y = slopes_of(height, GROUND_TILE_M)
-    brightness = (
-        1 + 0.026 * grain + 0.030 * stain + 0.10 * share * spectral_noise(shape, GROUND_TILE_M, (0.02, 0.2), 0.5, rng)
-    )
-    # Steeper than this a slope would only show the coarseness of the texels.
-    return make_pyramid(
-        np.stack([brightness, np.clip(slope_x, -1.2, 1.2), np.clip(slope_y, -1.2, 1.2), share], -1), GROUND_TILE_M
-    )
-
-
-def pebbles(cover: float, rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:
-    """Half-buried ellipsoids of 1-6 cm strewn over a ground tile: height above the sand, m, and share, both (N, N).
-
-    Diameters follow a power law of cumulative number, exponent -2.2, the small end of the size-frequency law of
-    Golombek and Rapp (J. Geophys. Res. 102, 1997, 4117) continued below what is drawn as a mesh.
-    """
-    n, step = GROUND_SIZE_PX, GROUND_TILE_M / GROUND_SIZE_PX
-    height, share = np.zeros((n, n)), np.zeros((n, n))
-    covered = 0.0
-    while covered < cover * GROUND_TILE_M**2:
-        # Inverse of the cumulative law between the two ends.
-        diameter = (rng.uniform(0.06**-2.2, 0.010**-2.2)) ** (-1 / 2.2)
-        aspect, angle = rng.uniform(0.55, 1.0), rng.uniform(0.0, np.pi)
-        centre = rng.uniform(0.0, n, 2)
-        reach = int(np.ceil(diameter / 2 / step)) + 1
-        rows, columns = (np.arange(int(c) - reach, int(c) + reach + 1) for c in centre)
-        dy, dx = (rows[:, None] + 0.5 - centre[0]) * step, (columns[None, :] + 0.5 - centre[1]) * step
-        along, across = dx * np.cos(angle) + dy * np.sin(angle), dy * np.cos(angle) - dx * np.sin(angle)
-        radius = np.hypot(along, across / aspect) / (diameter / 2)
-        dome = diameter * rng.uniform(0.25, 0.45) * np.sqrt(np.clip(1 - radius**2, 0.0, 1.0))
-        place = np.ix_(rows % n, columns % n)
-        height[place] = np.maximum(height[place], dome)
-        # A soft rim of one texel instead of steps.
-        share[place] = np.maximum(share[place], np.clip((1 - radius) * diameter / 2 / step + 0.5, 0.0, 1.0))
-        covered += np.pi / 4 * diameter**2 * aspect
-    return height, share
 
 
 def drift_texture(rng: np.random.Generator) -> Pyramid:

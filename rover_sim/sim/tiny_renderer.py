@@ -70,6 +70,10 @@ class TinyRenderer:
             ids,
         )
 
+    def clasts(self, camera: CameraModel, camera_pose: Pose, picture: RenderedImage) -> IntArray:  # noqa: ARG002
+        """The ids of ``picture``: this renderer draws no ground texture, hence no pebbles."""
+        return picture.ids
+
 
 def add_obstacles(client: int, mesh: TriangleMesh) -> dict[int, int]:
     """Add one visual body per owner, so that the segmentation tells them apart; body number -> owner id."""
