@@ -19,6 +19,7 @@ from worlds.strict_toml import Limits, check_limits, convert_table, read_table
 ROCK_INPUTS = ("contrast", "energy", "variance", "area", "strength")
 TERRAIN_INPUTS = ("fine", "coarse", "cover", "big", "unseen")
 CUE_NAMES = ("lightness", "green_red", "blue_yellow", "roughness")
+SKY_CUES = ("lightness", "green_red", "blue_yellow", "texture", "texture_over", "texture_level", "row")
 LIMITS: Limits = {
     "soil.window_px": (1, 99),
     "soil.smooth_percentile": (0.0, 100.0),
@@ -35,6 +36,12 @@ LIMITS: Limits = {
     "binarization.close_px": (1, 99),
     "binarization.open_px": (1, 99),
     "binarization.min_area_px": (1, 76800),
+    "sky.colour.step_cost": (0.0, 1e3),
+    "sky.colour.least": (0.0, 1e3),
+    "sky.grey.step_cost": (0.0, 1e3),
+    "sky.grey.least": (0.0, 1e3),
+    "sky.colour.least_width": (0.0, 1.0),
+    "sky.grey.least_width": (0.0, 1.0),
     "ground.max_range_m": (0.1, 1e4),
     "ground.horizon_dip_deg": (0.0, 45.0),
     "rock.min_certainty": (0.0, 1.0),
@@ -65,6 +72,11 @@ class Cue(_Table, frozen=True, kw_only=True):
     evidence: tuple[float, ...]
 
 
+def _named(table: _Table, names: tuple[str, ...]) -> tuple[tuple[str, Cue], ...]:
+    found = ((name, getattr(table, name)) for name in names)
+    return tuple((name, cue) for name, cue in found if cue is not None)
+
+
 class RockCues(_Table, frozen=True, kw_only=True):
     """Additive evidence of any of the cues; score = logistic(bias + sum). Colours are CIE Lab minus the soil's."""
 
@@ -77,8 +89,7 @@ class RockCues(_Table, frozen=True, kw_only=True):
 
     def named(self) -> tuple[tuple[str, Cue], ...]:
         """Name and evidence of the cues that are there."""
-        found = ((name, getattr(self, name)) for name in CUE_NAMES)
-        return tuple((name, cue) for name, cue in found if cue is not None)
+        return _named(self, CUE_NAMES)
 
 
 class Binarization(_Table, frozen=True, kw_only=True):
@@ -97,13 +108,31 @@ class Binarization(_Table, frozen=True, kw_only=True):
     min_area_px: int = 80
 
 
-class Sky(_Table, frozen=True, kw_only=True):
-    """Sky without a known attitude: a smooth region that reaches the top, against the lower half of the picture."""
+class SkyEvidence(_Table, frozen=True, kw_only=True):
+    """Additive evidence for sky or far ridge in cells of the picture, in log odds, and the price of the skyline."""
 
-    max_gradient: float = 1.5  # lightness per pixel
-    brighter: float = 4.0  # in lightness
-    less_red: float = 1.5  # in a*, where the picture has colour
-    min_share: float = 0.01
+    bias: float
+    step_cost: float  # of the skyline, a row of cells between neighbouring columns
+    least: float  # evidence that a column must have to count as sky at all
+    least_width: float  # share of the columns that sky must have, or it is none
+    lightness: Cue | None = None  # L*, a* and b* minus the median of the lower half
+    green_red: Cue | None = None
+    blue_yellow: Cue | None = None
+    texture: Cue | None = None  # natural logarithm of the mean gradient over that of the lower half
+    texture_over: Cue | None = None  # the same, over a broader window, the largest over the cell in its column
+    texture_level: Cue | None = None  # logarithm of the gradient itself
+    row: Cue | None = None  # 0 top, 1 bottom
+
+    def named(self) -> tuple[tuple[str, Cue], ...]:
+        """Name and evidence of the cues that are there."""
+        return _named(self, SKY_CUES)
+
+
+class Sky(_Table, frozen=True, kw_only=True):
+    """Sky without a known attitude: evidence for pictures with colour and without."""
+
+    colour: SkyEvidence
+    grey: SkyEvidence
 
 
 class GroundKnowledge(_Table, frozen=True, kw_only=True):
@@ -170,8 +199,9 @@ def _decode(table: dict[str, Any], source: str) -> Knowledge:
     rules = {key: table.pop(key, {}) for key in ("rock_rules", "terrain_rules")}
     plain = convert_table(table, _File, source)
     check_limits(plain, LIMITS, source)
-    for name, cue in plain.cues.named():
-        _check_cue(cue, f"{source}: cues.{name}")
+    for key, evidence in (("cues", plain.cues), ("sky.colour", plain.sky.colour), ("sky.grey", plain.sky.grey)):
+        for name, cue in evidence.named():
+            _check_cue(cue, f"{source}: {key}.{name}")
     return Knowledge(
         **{field: getattr(plain, field) for field in plain.__struct_fields__},
         rock_rules=_rules(rules["rock_rules"], f"{source}: rock_rules", ROCK_INPUTS),

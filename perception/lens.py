@@ -65,6 +65,8 @@ def _undistort_brown(lens: Lens, sensor: FloatArray) -> FloatArray:
         # A step may overshoot into where the polynomial folds back: pull it to the rim.
         length = np.linalg.norm(point, axis=-1, keepdims=True)
         point = np.where(length > reach, point * (reach / np.where(length > 0, length, 1.0)), point)
+        if np.abs(error).max(initial=0.0) < _EXACT:
+            break
     missed = np.abs(_brown(lens, point)[0] - sensor).max(axis=-1) >= _EXACT
     return np.asarray(np.where(missed[..., None], np.nan, point))
 

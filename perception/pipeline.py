@@ -19,7 +19,8 @@ from perception.knowledge_base import Knowledge, load_knowledge
 from perception.rock_classifier import blob_features, rock_certainty
 from perception.rock_geometry import RockOutlines, outlines
 from perception.rock_placement import View, place_rocks
-from perception.soil_reference import even_light, sky_mask, soil_reference
+from perception.sky import sky_mask
+from perception.soil_reference import even_light, soil_reference
 from perception.terrain_class import classify, window_features
 from worlds.types import BoolArray, ByteArray, Frame, IntArray, Observation, PerceivedRock
 
@@ -129,12 +130,17 @@ def smoothed(picture: ByteArray, blur_px: float) -> tuple[SingleArray, ByteArray
 
 def hidden_mask(grey: ByteArray, lab: SingleArray, view: View | None, know: Knowledge) -> BoolArray:
     """Pixels (H, W) that show no ground near enough to judge: black, sky, or above the (dipped) horizon."""
-    hidden = grey <= _BLACK
+    hidden = missing_data(grey)
     if view is None:
         return np.asarray(hidden | sky_mask(lab, hidden, know.sky))
     dip = float(np.deg2rad(know.ground.horizon_dip_deg))
     shape = (hidden.shape[0], hidden.shape[1])
     return np.asarray(hidden | beyond_horizon(view.camera, view.pose, view.plane, shape, dip))
+
+
+def missing_data(grey: ByteArray) -> BoolArray:
+    """Pixels (H, W) that carry no picture: black."""
+    return np.asarray(grey <= _BLACK)
 
 
 def classify_blobs(

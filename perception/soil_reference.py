@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.knowledge_base import Sky, SoilKnowledge
+from perception.knowledge_base import SoilKnowledge
 from worlds.types import BoolArray, FloatArray
 
 SingleArray = NDArray[np.float32]
@@ -57,9 +57,14 @@ def soil_reference(lab: SingleArray, hidden: BoolArray, know: SoilKnowledge) -> 
     colour = np.median(half[chosen], axis=0).astype(np.float32)
     colour[0] = max(float(colour[0]), 1.0)  # black soil would make every ratio to it meaningless
     gradient = mean_gradient(lab[..., 0], know.window_px)[::2, ::2][: half.shape[0], : half.shape[1]][seen]
-    coloured = bool(np.abs(half[..., 1:]).mean() > _GREY_SATURATION)
+    coloured = is_coloured(np.asarray(half, dtype=np.float32))
     usual = float(np.percentile(gradient, know.gradient_percentile)) + know.gradient_floor
     return SoilReference(colour, usual, trend, coloured)
+
+
+def is_coloured(lab: SingleArray) -> bool:
+    """Whether a picture ``lab`` (H, W, 3) has colour at all."""
+    return bool(np.abs(lab[::2, ::2, 1:]).mean() > _GREY_SATURATION)
 
 
 def even_light(lab: SingleArray, soil: SoilReference) -> SingleArray:
@@ -91,24 +96,3 @@ def _fit_trend(lightness: SingleArray, soil: BoolArray, stiffness: float) -> Sin
         rest = np.abs(values - terms @ coefficients)
         kept = rest <= 3.0 * float(np.median(rest)) + 0.1
     return coefficients.astype(np.float32)
-
-
-def sky_mask(lab: SingleArray, hidden: BoolArray, know: Sky) -> BoolArray:
-    """Sky (H, W) of a picture of unknown attitude: smooth, bright, less red than the ground, up to the top edge.
-
-    ``hidden`` (H, W) marks missing data, which may lie above the sky. Far ridges and a sky darker than the ground
-    are missed.
-    """
-    ground = lab[lab.shape[0] // 2 :]
-    lightness = lab[..., 0]
-    candidate = (mean_gradient(lightness, 5) < know.max_gradient) & (
-        lightness > float(np.median(ground[..., 0])) + know.brighter
-    )
-    if np.abs(ground[..., 1:]).mean() > _GREY_SATURATION:
-        candidate &= lab[..., 1] < float(np.median(ground[..., 1])) - know.less_red
-    _, labels, stats, _ = cv2.connectedComponentsWithStats((candidate | hidden).view(np.uint8), connectivity=4)
-    large = stats[:, cv2.CC_STAT_AREA] >= know.min_share * lightness.size
-    large[0] = False
-    top = np.zeros(len(stats), dtype=bool)
-    top[np.unique(labels[0])] = True
-    return np.asarray((large & top)[labels] & candidate)

@@ -16,6 +16,7 @@ COMMANDS = {
     "trials": "many traverses over a grid of conditions, with a report",
     "slope": "slope and traction stress test against published curves",
     "perceive": "the perception pipeline on any picture",
+    "calibrate": "a camera file from pictures of a board",
     "score": "rocks or terrain classes against labels",
     "learn": "from labelled pictures to a knowledge file, cross-validated",
     "world": "make or picture a world",
