@@ -63,21 +63,28 @@ class Perception:
     observation: Observation | None
 
 
-def perceive(frame: Frame, knowledge: Knowledge) -> Perception:
-    """Rocks and terrain classes of one frame; without camera pose and ground there is no observation."""
+def perceive(frame: Frame, knowledge: Knowledge, covered: BoolArray | None = None) -> Perception:
+    """Rocks and terrain classes of one frame; without camera pose and ground there is no observation.
+
+    ``covered`` (H, W) marks what else is no ground: things taller than the camera.
+    """
     if frame.camera_pose is None or frame.ground is None:
         return examine(frame.image, knowledge)
     view = View(frame.camera, frame.camera_pose, frame.ground)
-    return on_ground(examine(frame.image, knowledge, view), view, frame.time_s, knowledge)
+    return on_ground(examine(frame.image, knowledge, view, covered), view, frame.time_s, knowledge)
 
 
-def examine(image: ByteArray, knowledge: Knowledge, view: View | None = None) -> Perception:
+def examine(
+    image: ByteArray, knowledge: Knowledge, view: View | None = None, covered: BoolArray | None = None
+) -> Perception:
     """All that one picture, grey (H, W) or RGB (H, W, 3), shows; ``view`` only tells where the horizon is."""
     picture = working_picture(image)
     scale = (image.shape[1] / WORKING_SIZE_PX[0], image.shape[0] / WORKING_SIZE_PX[1])
     lab, soft_grey = smoothed(picture, knowledge.binarization.blur_px)
     grey = picture if picture.ndim == 2 else np.asarray(cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY), dtype=np.uint8)
     hidden = hidden_mask(grey, lab, view, knowledge)
+    if covered is not None:
+        hidden = hidden | (working_picture(covered.astype(np.uint8)) > 0)
     soil = soil_reference(lab, hidden, knowledge.soil)
     found = binarize(even_light(lab, soil), soft_grey, soil, hidden, knowledge)
     blobs, certainty = classify_blobs(grey, found, hidden, knowledge)

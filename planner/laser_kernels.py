@@ -20,15 +20,17 @@ def take_scan(
     sd: Layer,
     start: FloatArray,
     ends: FloatArray,
+    least: FloatArray,
     hit: BoolArray,
     spread: FloatArray,
-    gain: float,
+    gain: FloatArray,
     loss: float,
     most: float,
 ) -> None:
     """Mark the cells in which beams met an obstacle and free those that they passed; places are in cells.
 
-    A cell that one beam marks is not freed by another of the same turn, and each is changed once a turn.
+    What is nearer than ``least`` cells stays as it is. A cell that one beam marks is not freed by another of the same
+    turn, and each is changed once a turn.
     """
     nx, ny = log_odds.shape
     touched = np.zeros((nx, ny), dtype=np.bool_)
@@ -36,13 +38,13 @@ def take_scan(
         i, j = int(np.floor(ends[b, 0])), int(np.floor(ends[b, 1]))
         if hit[b] and 0 <= i < nx and 0 <= j < ny and not touched[i, j]:
             touched[i, j] = True
-            log_odds[i, j] = min(max(log_odds[i, j], 0.0) + gain, most)
+            log_odds[i, j] = min(max(log_odds[i, j], 0.0) + gain[b], most)
             sd[i, j] = spread[b]
     for b in range(ends.shape[0]):
         dx, dy = ends[b, 0] - start[0], ends[b, 1] - start[1]
         length = hypot(dx, dy)
         steps = int(length - (0.7 if hit[b] else 0.0))
-        for k in range(steps):
+        for k in range(int(least[b]), steps):
             i = int(np.floor(start[0] + dx * k / length))
             j = int(np.floor(start[1] + dy * k / length))
             if i < 0 or i >= nx or j < 0 or j >= ny:

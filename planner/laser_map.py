@@ -18,7 +18,7 @@ from planner.ground_cells import CELLS as GROUND_CELLS
 from planner.ground_cells import GroundCells
 from planner.laser_kernels import take_scan
 from worlds.geometry import rotation_from_quaternion
-from worlds.types import BoolArray, FloatArray, LaserScan, PoseEstimate
+from worlds.types import BoolArray, FloatArray, PoseEstimate, RangeScan
 
 CELL_M = 0.05
 CELLS = 400  # 20 m
@@ -31,14 +31,14 @@ Layer = NDArray[np.float32]
 class LaserTrust:
     """How returns are weighed."""
 
-    hit: float = 1.2  # log-odds of a return
+    hit: float = 1.2  # log-odds of a return ...
+    sure_sd_m: float = 0.08  # ... that is placed so well; in proportion less of one that is placed worse
     miss: float = 0.5  # of a beam that passes
     most: float = 4.0
     free_below: float = -0.4
     occupied_above: float = 0.5
     ground_m: float = 0.08  # a return lower than this above the believed ground is the ground ...
     ground_slope: float = 0.03  # ... and this much more a metre away
-    range_sd_m: float = 0.02
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,14 +82,16 @@ def empty_laser_map(centre_w: FloatArray) -> LaserMap:
     return LaserMap(origin, np.zeros((CELLS, CELLS), dtype=np.float32), np.zeros((CELLS, CELLS), dtype=np.float32))
 
 
-def note_scan(laser_map: LaserMap, scan: LaserScan, estimate: PoseEstimate) -> LaserMap:
+def note_scan(laser_map: LaserMap, scan: RangeScan, estimate: PoseEstimate) -> LaserMap:
     """The map after one turn of the scanner, moved along with the rover."""
     trust = laser_map.trust
     moved = _recentre(laser_map, scan.pose.position_w[:2])
     ends, hit, spread = _returns(scan, estimate, trust)
     log_odds, sd = moved.log_odds.copy(), moved.sd_m.copy()
     start = (scan.pose.position_w[:2] - moved.origin_w) / CELL_M
-    take_scan(log_odds, sd, start, (ends - moved.origin_w) / CELL_M, hit, spread, trust.hit, trust.miss, trust.most)
+    gain = trust.hit * np.minimum(1.0, trust.sure_sd_m / spread)
+    cells, least = (ends - moved.origin_w) / CELL_M, scan.least_m / CELL_M
+    take_scan(log_odds, sd, start, cells, least, hit, spread, gain, trust.miss, trust.most)
     return replace(moved, log_odds=log_odds, sd_m=sd)
 
 
@@ -107,17 +109,17 @@ def mark_free(cells: GroundCells, laser_map: LaserMap) -> GroundCells:
     return replace(cells, seen=seen)
 
 
-def _returns(scan: LaserScan, estimate: PoseEstimate, trust: LaserTrust) -> tuple[FloatArray, BoolArray, FloatArray]:
+def _returns(scan: RangeScan, estimate: PoseEstimate, trust: LaserTrust) -> tuple[FloatArray, BoolArray, FloatArray]:
     """Ends (N, 2) of the beams in the world, which of them met an obstacle, and their position errors (N,)."""
-    angles = scan.laser.angles_rad
+    angles = scan.angles_rad
     back = np.isfinite(scan.ranges_m)
-    ranges = np.where(back, scan.ranges_m, scan.laser.reach_m)
+    ranges = np.where(back, scan.ranges_m, scan.reach_m)
     rotation = rotation_from_quaternion(scan.pose.quaternion_w)
     beams = np.stack([np.cos(angles), np.sin(angles)], axis=1) @ rotation[:, :2].T
     ends = scan.pose.position_w + ranges[:, None] * beams
     above = (ends - scan.ground.point_w) @ scan.ground.normal_w
     obstacle: BoolArray = back & (above > trust.ground_m + trust.ground_slope * ranges)
-    spread = np.sqrt(trust.range_sd_m**2 + (ranges * estimate.yaw_sd_rad) ** 2)
+    spread = np.hypot(scan.range_sd_m, ranges * estimate.yaw_sd_rad)
     return ends[:, :2], obstacle, spread
 
 

@@ -8,17 +8,19 @@ from typing import Literal
 import numpy as np
 
 from planner.choice import Choice, Models, Place, choose, way_cost
-from planner.corridor import Corridor, SpeedModel, choose_way, corridor
+from planner.corridor import Corridor, SpeedModel, choose_way, corridor, turn_onto
 from planner.ground_cells import mark_driven
 from planner.laser_map import LaserMap
 from planner.obstacle_map import obstacles, segment_clearance
 from planner.recovery import Ladder, Manoeuvre, finished, next_manoeuvre
+from planner.room import turn_range
 from planner.row_search import Candidate
 from planner.terrain_map import MemoryModel, TerrainMemory, empty_memory, remember, remember_scan
 from worlds.geometry import euler_from_quaternion, rotation_from_quaternion
-from worlds.types import FloatArray, Footprint, LaserScan, Observation, PoseEstimate
+from worlds.types import FloatArray, Footprint, Observation, PoseEstimate, RangeScan
 
 LEAST_WAY_M = 0.3  # a shorter way ends where the rover stands, as path following sees it
+TURN_ON_SPOT_RAD = float(np.deg2rad(55.0))  # path following does such turns on the spot
 AROUND_M = 3.5  # of what the scanner saw, for manoeuvres
 START_CLEAR_M = 1.0  # the rover is set down on ground where it has room to turn
 Kind = Literal["drive", "look", "back_up", "arrived", "no_path"]
@@ -112,7 +114,7 @@ def step(
     observation: Observation | None,
     estimate: PoseEstimate,
     time_s: float,
-    scan: LaserScan | None = None,
+    scan: RangeScan | None = None,
 ) -> tuple[NavigatorState, Decision]:
     """Takes in what was seen and decides; once `arrived` or `no_path`, always the same."""
     state = _take_in(state, observation, scan, estimate)
@@ -157,13 +159,20 @@ def _by_laser(
     way, rest = fresh, choice.way.waypoints_w
     if state.way is not None:
         old = _rest(state.way.waypoints_w, np.asarray(place.position_w))
-        if _as_quick(state, found, old, choice.way):
+        if _as_quick(state, found, old, choice.way, place):
             way, rest = replace(state.way, changed=False), old
+    turn = turn_onto(rest, place)
+    if abs(turn) > TURN_ON_SPOT_RAD and state.ladder.place_w is None:  # once a place: the second time it must do
+        around = np.vstack([table, laser.obstacles(np.asarray(place.position_w), AROUND_M, models.drive.sd_share)])
+        right, left = turn_range(around, None, np.asarray(place.position_w), place.heading_rad, models.footprint)
+        if not right <= turn <= left:
+            backing = replace(state, ladder=replace(state.ladder, back_first=True))
+            return _recover(backing, choice, around, place, time_s)
     decision = replace(way, speed_m_s=found.speed_m_s(rest))
     return replace(state, way=decision, detour=False), decision
 
 
-def _as_quick(state: NavigatorState, found: Corridor, rest: FloatArray, fresh: Candidate) -> bool:
+def _as_quick(state: NavigatorState, found: Corridor, rest: FloatArray, fresh: Candidate, place: Place) -> bool:
     """Whether the rest (N, 2) of the present way is free, long enough and hardly slower than the fresh one."""
     model, goal = state.model, np.asarray(state.goal_w)
     if np.hypot(*(rest[0] - fresh.waypoints_w[0])) > model.off_way_m:
@@ -171,8 +180,11 @@ def _as_quick(state: NavigatorState, found: Corridor, rest: FloatArray, fresh: C
     near_goal = np.hypot(*(rest[-1] - goal)) < state.goal_radius_m
     if not near_goal and _length(rest) < model.extend_below_m:
         return False
-    old, new = found.way_cost(rest, goal), found.way_cost(fresh.waypoints_w, goal)
     most = model.speed.most_m_s
+    old, new = (
+        found.way_cost(way, goal) + most * model.speed.turn_s_rad * abs(turn_onto(way, place))
+        for way in (rest, fresh.waypoints_w)
+    )
     return old < new * (1.0 + model.speed.jump_share) + model.speed.jump_s * most
 
 
@@ -185,7 +197,7 @@ def note_trouble(state: NavigatorState, estimate: PoseEstimate, radius_m: float 
 
 
 def _take_in(
-    state: NavigatorState, observation: Observation | None, scan: LaserScan | None, estimate: PoseEstimate
+    state: NavigatorState, observation: Observation | None, scan: RangeScan | None, estimate: PoseEstimate
 ) -> NavigatorState:
     """Memory, odometer, slope and ladder after a look and a move."""
     place = estimate.pose.position_w[:2]

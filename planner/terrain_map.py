@@ -15,7 +15,7 @@ import numpy as np
 
 from planner.ground_cells import GroundCells, Index, empty_cells, inside_polygon, note_view, recentre
 from planner.laser_map import LaserMap, empty_laser_map, mark_free, note_scan
-from worlds.types import BoolArray, FloatArray, LaserScan, Observation, PerceivedRock, PoseEstimate, Vector3
+from worlds.types import BoolArray, FloatArray, Observation, PerceivedRock, PoseEstimate, RangeScan, Vector3
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,7 +112,7 @@ def remember(
     )
 
 
-def remember_scan(memory: TerrainMemory, scan: LaserScan, estimate: PoseEstimate) -> TerrainMemory:
+def remember_scan(memory: TerrainMemory, scan: RangeScan, estimate: PoseEstimate) -> TerrainMemory:
     """The memory after one turn of the scanner."""
     place = scan.pose.position_w[:2]
     laser = note_scan(memory.laser or empty_laser_map(place), scan, estimate)

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from perception.pipeline import Knowledge, Perception, perceive
+from perception.tall import TallThings, ground_hue, tall_things
 from planner import navigator
 from planner.mobility import backing_path
 from planner.navigator import Decision, NavigatorState
@@ -19,7 +20,7 @@ from rover_sim.mavlink.plan_items import CRUISE_M_S, backing_items, risky_speed,
 from rover_sim.mavlink.uploader import Upload, UploadState
 from rover_sim.mavlink.wire import WireItem
 from rover_sim.summary import Counts
-from worlds.types import FloatArray, Frame, LaserScan, Observation, PoseEstimate, Vector3
+from worlds.types import FloatArray, Frame, Observation, PoseEstimate, RangeScan, Vector3
 
 SPEED_STEP = 0.08  # a smaller share of change is not worth a message
 UPLOAD_S = 0.3  # that a mission takes: what the rover passes meanwhile is left out
@@ -67,6 +68,7 @@ class OnboardComputer:
         self._stop_place_w: FloatArray | None = None
         self._texts_read_s = -1.0
         self._speed_m_s = CRUISE_M_S  # told last
+        self._ground_hue: float | None = None
         self._eyes_s = dict(eyes_s or {})
         self._seen_s = dict.fromkeys(self._eyes_s, 0.0)
 
@@ -90,12 +92,21 @@ class OnboardComputer:
     def look(self, frame: Frame, estimate: PoseEstimate, time_s: float) -> Sight:
         """Perceive, decide, and send what is new."""
         self._seen_s["camera"] = time_s
-        perception = perceive(frame, self._knowledge)
+        tall = None if "laser" in self._eyes_s else self._tall(frame)
+        perception = perceive(frame, self._knowledge, None if tall is None else tall.covered)
         self.counts = replace(self.counts, frames=self.counts.frames + 1)
-        decision = self._decide(estimate, time_s, perception.observation, None)
+        # Once something tall has been met, every picture tells where nothing tall stands.
+        scan = tall.scan if tall is not None and (tall.columns.any() or self.plan.memory.laser is not None) else None
+        decision = self._decide(estimate, time_s, perception.observation, scan)
         return Sight(frame, perception, decision)
 
-    def scan(self, scan: LaserScan, estimate: PoseEstimate, time_s: float) -> None:
+    def _tall(self, frame: Frame) -> TallThings | None:
+        """Things taller than the camera, over ground of the hue before the rover's first picture."""
+        if self._ground_hue is None:
+            self._ground_hue = ground_hue(frame)
+        return tall_things(frame, self._ground_hue)
+
+    def scan(self, scan: RangeScan, estimate: PoseEstimate, time_s: float) -> None:
         """Decide by one turn of the laser scanner, and send what is new."""
         self._seen_s["laser"] = time_s
         self._decide(estimate, time_s, None, scan)
@@ -109,7 +120,7 @@ class OnboardComputer:
         return ""
 
     def _decide(
-        self, estimate: PoseEstimate, time_s: float, observation: Observation | None, scan: LaserScan | None
+        self, estimate: PoseEstimate, time_s: float, observation: Observation | None, scan: RangeScan | None
     ) -> Decision:
         before = self._decision
         self.plan, decision = navigator.step(self.plan, observation, estimate, time_s, scan)

@@ -11,7 +11,9 @@ import numpy as np
 
 from perception.pipeline import load_knowledge
 from planner import localization, navigator
+from planner.corridor import CAMERA_SPEED, SpeedModel
 from planner.localization import SensorModel
+from planner.navigator import NavigatorModel
 from rover_sim.autopilot.autopilot import Autopilot
 from rover_sim.eyes import eyes
 from rover_sim.given_way import GivenWay, Pilot, Way
@@ -32,12 +34,13 @@ from rover_sim.sim.simulation import Simulation
 from rover_sim.sim.vehicle_state import VehicleState, trace_columns
 from rover_sim.summary import Identity, summarize
 from worlds.geometry import camera_pose, rotation_from_quaternion
-from worlds.types import Footprint, Frame, LaserScan, Pose, Vector3, World
+from worlds.types import Footprint, Frame, Pose, RangeScan, Vector3, World
 
 STEPS_PER_S = 240
 CONTROL_STEPS = 5  # sensors, estimate, autopilot and link at 48 Hz
 TRACE_STEPS = 10  # trace and judge at 24 Hz
 TURN_SHARE = 0.8  # of the rover's fastest turn, for turns on the spot
+LASER_SD_M = 0.02  # that the rover believes of its scanner
 MARS_M_S2 = 3.71  # the autopilot's own limits are meant for it
 LINK_GRACE_S = 5.0  # the first heartbeats need not have come before
 SENSOR_STREAM, CAMERA_STREAM, LASER_STREAM = 101, 102, 103  # of the seed
@@ -178,7 +181,8 @@ class Traverse:
         """A pilot that sees and plans."""
         scenario = self.world.scenario
         goal = scenario.goal
-        plan = navigator.begin(goal.position_m, goal.radius_m, self._footprint, scenario.rover.start_m)
+        model = NavigatorModel(speed=SpeedModel() if "laser" in self._eyes else CAMERA_SPEED)
+        plan = navigator.begin(goal.position_m, goal.radius_m, self._footprint, scenario.rover.start_m, model=model)
         periods = {name: eye.steps / STEPS_PER_S for name, eye in self._eyes.items()}
         knowledge = load_knowledge("rendered")
         return OnboardComputer(self._stack.companion, self._stack.frame, home_w, plan, knowledge, periods)
@@ -217,10 +221,13 @@ class Traverse:
         time_s, laser = self._simulation.time_s, scanner.laser
         believed = self._estimate.pose
         place = believed.position_w + rotation_from_quaternion(believed.quaternion_w) @ np.asarray(laser.position_b)
-        scan = LaserScan(
+        scan = RangeScan(
             time_s=time_s,
+            angles_rad=laser.angles_rad,
             ranges_m=scanner.scan(self._simulation.state.pose),
-            laser=laser,
+            range_sd_m=np.full(len(laser.angles_rad), LASER_SD_M),
+            least_m=np.zeros(len(laser.angles_rad)),
+            reach_m=laser.reach_m,
             pose=Pose(place, believed.quaternion_w),
             ground=localization.ground_plane(self._located, self._footprint.wheel_radius_m),
         )

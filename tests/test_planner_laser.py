@@ -17,7 +17,7 @@ from planner.laser_map import CELL_M, LaserMap, empty_laser_map, mark_free, note
 from planner.obstacle_map import NO_OBSTACLES, DriveModel
 from tests.planner_factory import FOOTPRINT, pose_at
 from worlds.geometry import quaternion_from_euler
-from worlds.types import BoolArray, FloatArray, GroundPlane, LaserModel, LaserScan, Pose, PoseEstimate
+from worlds.types import BoolArray, FloatArray, GroundPlane, LaserModel, Pose, PoseEstimate, RangeScan
 
 LASER = LaserModel((0.0, 0.0, 0.2))
 SPEED, DRIVE = SpeedModel(), DriveModel()
@@ -25,7 +25,7 @@ NEED = FOOTPRINT.width_m / 2 + SPEED.margin_m
 LEVEL = GroundPlane(np.zeros(3), np.array([0.0, 0.0, 1.0]))
 
 
-def _scan(discs: list[tuple[float, float, float]], x: float, y: float, yaw: float, *, pitch: float = 0.0) -> LaserScan:
+def _scan(discs: list[tuple[float, float, float]], x: float, y: float, yaw: float, *, pitch: float = 0.0) -> RangeScan:
     """What an exact scanner 0.3 m up sees of discs (x, y, radius); with a pitch also of the level ground."""
     angles = LASER.angles_rad + yaw
     beams = np.stack([np.cos(angles), np.sin(angles)], axis=1)
@@ -42,7 +42,8 @@ def _scan(discs: list[tuple[float, float, float]], x: float, y: float, yaw: floa
         drop = np.sin(pitch) * np.cos(LASER.angles_rad)
         ranges = np.minimum(ranges, np.where(drop > 0.3 / LASER.reach_m, 0.3 / np.maximum(drop, 1e-9), np.inf))
     pose = Pose(np.array([x, y, 0.3]), quaternion_from_euler(0.0, pitch, yaw))
-    return LaserScan(0.0, ranges, LASER, pose, LEVEL)
+    count = len(ranges)
+    return RangeScan(0.0, LASER.angles_rad, ranges, np.full(count, 0.02), np.zeros(count), LASER.reach_m, pose, LEVEL)
 
 
 def _seen(discs: list[tuple[float, float, float]], x: float = 0.0, y: float = 0.0, yaw: float = 0.0) -> LaserMap:

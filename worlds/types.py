@@ -259,12 +259,18 @@ class LaserModel:
 
 
 @dataclass(frozen=True, eq=False)
-class LaserScan:
-    """One turn of the scanner, with the believed pose of the scanner (body axes) and of the ground."""
+class RangeScan:
+    """Distances to what stands up, in one plane: a turn of a laser scanner, or what a camera made of its columns.
+
+    ``pose`` is the believed one of the sensor, its x axis straight ahead; ``ground`` that of the ground.
+    """
 
     time_s: float
-    ranges_m: FloatArray  # (N,) one a beam; inf where nothing within reach came back
-    laser: LaserModel
+    angles_rad: FloatArray  # (N,) of the beams from straight ahead, counter-clockwise
+    ranges_m: FloatArray  # (N,); inf where nothing within reach came back
+    range_sd_m: FloatArray  # (N,) one sigma
+    least_m: FloatArray  # (N,) nearer than this the beam says nothing
+    reach_m: float
     pose: Pose
     ground: GroundPlane
 
