@@ -25,7 +25,7 @@ from rover_sim.report.virtual_terrain import terrain_glb
 from rover_sim.sim.rover import RoverModel, load_rover
 from rover_sim.verdict import Verdict
 from rover_sim.verify import Check, drive_way
-from rover_sim.virtual_terrain import unseen_m, virtual_scenario
+from rover_sim.virtual_terrain import unseen_m, virtual_scenario, way_ahead
 from worlds.build import build_world
 from worlds.scenario import dump_scenario
 from worlds.types import ByteArray
@@ -106,8 +106,8 @@ def _write_terrain(
     reach = knowledge.ground.max_range_m
     with atomic_path(target.with_name(f"{target.name}_terrain.glb")) as temporary:
         temporary.write_bytes(terrain_glb(found, view, [path.points_w for path in paths], reach))
-    ahead = np.array([[0.0, 0.0], [GOAL_RANGE_M, 0.0]])
-    way = paths[0].whole_w if paths else ahead
+    # Without a path the goal is what could not be reached, so that `run` can try it from nearer.
+    way = paths[0].whole_w if paths else way_ahead(found, view, GOAL_RANGE_M)
     scenario, _ = virtual_scenario(name, found, view, ROVER, rover.footprint(), way, reach)
     write_text(target.with_name(f"{target.name}_scenario.toml"), dump_scenario(scenario))
 
@@ -176,7 +176,7 @@ def _verdict(number: int, check: Check) -> str:
     why = {
         Verdict.VERIFIED: "",
         Verdict.UNSEEN: f" ({check.unseen_m:.1f} m over ground that is not seen)",
-        Verdict.FAILED: f" ({check.drive.figures['reason']})",
+        Verdict.FAILED: f" ({check.fault})",
     }
     return f"path {number} {check.verdict.value}{why[check.verdict]}"
 

@@ -53,7 +53,7 @@ def _check(index: int, check: Check) -> dict[str, Any]:
     return {
         "path": index,
         "verdict": check.verdict.value,
-        "safe": check.drive.safe,
+        "fault": check.fault,
         "unseen_m": round(check.unseen_m, 4),
         **check.drive.figures,
     }

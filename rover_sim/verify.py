@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rover_sim.given_way import Way
+from rover_sim.outcome import Reason
 from rover_sim.sim.rover import RoverModel
 from rover_sim.traverse import RunOptions, Traverse
 from rover_sim.verdict import Verdict
@@ -56,9 +57,19 @@ class Check:
     unseen_m: float
 
     @property
+    def fault(self) -> str:
+        """Why the path failed, in a word or two; empty if it did not."""
+        figures = self.drive.figures
+        if not self.drive.safe:
+            return str(figures["reason"]) if figures["reason"] != Reason.GOAL else _unsafe(figures)
+        # The physics may carry the rover over it, but a height read off a picture is not to be relied on.
+        over = figures["clearance_m"] is not None and figures["clearance_m"] <= 0.0
+        return "over a rock too high to climb" if over else ""
+
+    @property
     def verdict(self) -> Verdict:
         """What the plan is worth."""
-        if not self.drive.safe:
+        if self.fault:
             return Verdict.FAILED
         return Verdict.VERIFIED if self.unseen_m <= MOST_UNSEEN_M else Verdict.UNSEEN
 
@@ -78,6 +89,13 @@ def drive_way(world: World, rover: RoverModel, way: Way) -> Drive:
     figures["clearance_m"] = None if clearance is None else round(clearance, 4)
     safe = summary["success"] and not summary["collisions"] and summary["max_tilt_deg"] <= MOST_TILT_DEG
     return Drive(bool(safe and summary["min_stability_margin"] > 0.0), figures, track)
+
+
+def _unsafe(figures: Mapping[str, Any]) -> str:
+    """Why a drive that reached its end was not safe."""
+    if figures["collisions"]:
+        return "touched a rock"
+    return "leaned too far" if figures["max_tilt_deg"] > MOST_TILT_DEG else "nearly tipped"
 
 
 def cross_track_m(track_w: FloatArray, way_w: FloatArray) -> FloatArray:

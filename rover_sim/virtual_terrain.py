@@ -43,6 +43,7 @@ GRAVITY_M_S2 = 3.71
 RESOLUTION_M = 0.1
 BESIDE_M = 3.0  # of ground around everything that matters
 GOAL_RADIUS_M = 0.5
+_ENDS_STEP_M = 0.25
 _SLOWEST_M_S = 0.15  # on average, before a drive is given up
 _LEAST_LIMIT_S = 60.0
 
@@ -109,6 +110,15 @@ def virtual_scenario(
         camera=Camera(),
     )
     return scenario, under
+
+
+def way_ahead(found: Perception, view: View, most_m: float) -> FloatArray:
+    """A straight way (2, 2) ahead that ends on no rock, up to ``most_m`` long."""
+    rocks = list(placed_rocks(found, view))
+    for distance in np.arange(most_m, 0.5, -_ENDS_STEP_M):
+        if all(np.hypot(rock.position_w[0] - distance, rock.position_w[1]) > rock.length_m / 2 for rock in rocks):
+            break
+    return np.array([[0.0, 0.0], [distance, 0.0]])
 
 
 def _under(rock: Rock, footprint: Footprint) -> bool:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,19 +12,30 @@ import pytest
 import trimesh
 
 from perception.pipeline import ImageRock, Perception, View, examine, load_knowledge, on_ground
+from planner.choice import dense
 from rover_sim.camera_file import camera_view, default_camera
 from rover_sim.cli import main
 from rover_sim.given_way import Way
 from rover_sim.picture_paths import picture_paths
+from rover_sim.report.perceived_overlay import VERDICT_COLOURS, draw_overlay
 from rover_sim.report.virtual_terrain import terrain_glb
 from rover_sim.sim.rover import load_rover
-from rover_sim.verify import cross_track_m, drive_way
-from rover_sim.virtual_terrain import FIRM_SOIL, SOIL, ground_sections, placed_rocks, virtual_scenario
+from rover_sim.verdict import Verdict
+from rover_sim.verify import Check, Drive, cross_track_m, drive_way
+from rover_sim.virtual_terrain import (
+    FIRM_SOIL,
+    SOIL,
+    ground_sections,
+    placed_rocks,
+    unseen_m,
+    virtual_scenario,
+    way_ahead,
+)
 from tests.data import data_path
 from tests.test_perception_command import CAMERA_TOML, scene, written
 from worlds.build import build_world
-from worlds.scenario import Obstacle, Scenario, Terrain, dump_scenario, load_scenario
-from worlds.types import World
+from worlds.scenario import Goal, Obstacle, Rocks, Scenario, Terrain, dump_scenario, load_scenario
+from worlds.types import FloatArray, World
 
 REACH_M = 10.0
 ROVER = load_rover("husky")
@@ -62,8 +74,6 @@ def test_soil_is_sand_under_s_and_firm_under_stony_classes(seen: tuple[Perceptio
     found, view = seen
     letters = np.full(found.classes.shape, "S")
     letters[8, 4:8] = "m"
-    from dataclasses import replace
-
     world = build_world(scenario_of((replace(found, classes=letters), view)), 0)
     assert world.soil_map is not None
     assert [soil.name for soil in world.soil_map.soils] == [SOIL, FIRM_SOIL]
@@ -81,15 +91,11 @@ def test_sections_run_along_the_axis_on_the_ground(
     seen: tuple[Perception, View], axis_deg: float, turn_deg: float, first: float
 ) -> None:
     """A0 is the left probe of a level axis; an axis to the left of the line of sight begins at the right."""
-    from dataclasses import replace
-
     rock: ImageRock = replace(seen[0].rocks[0], axis_rad=np.radians(axis_deg), sections_px=(5.0, *(7.0,) * 7, 10.0))
     assert ground_sections(rock, np.radians(turn_deg))[0] == pytest.approx(first)
 
 
 def test_sections_of_an_axis_across_the_one_on_the_ground_are_an_ellipse(seen: tuple[Perception, View]) -> None:
-    from dataclasses import replace
-
     rock = replace(seen[0].rocks[0], axis_rad=np.pi / 2, sections_px=(5.0, *(7.0,) * 7, 10.0))
     sections = ground_sections(rock, np.pi / 2)
     assert sections[4] == 1.0
@@ -117,8 +123,6 @@ def test_gltf_holds_ground_classes_rocks_and_paths(seen: tuple[Perception, View]
 
 def flat(*obstacles: Obstacle) -> World:
     terrain = Terrain(kind="flat", size_m=(14.0, 10.0), resolution_m=0.1)
-    from worlds.scenario import Goal, Rocks
-
     scenario = Scenario(
         name="flat", terrain=terrain, rocks=Rocks(cfa=0.0), obstacle=obstacles, goal=Goal(position_m=(3.0, 0.0))
     )
@@ -165,7 +169,7 @@ def test_verify_end_to_end(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -
     first = told["paths"][0]
     assert first["verdict"] == "verified"
     assert first["distance_m"] == pytest.approx(7.0, abs=1.0)
-    assert {"max_tilt_deg", "min_stability_margin", "mean_slip", "max_sinkage_m", "energy_J"} <= set(first)
+    assert {"fault", "max_tilt_deg", "min_stability_margin", "mean_slip", "max_sinkage_m", "energy_J"} <= set(first)
     assert (out / "a_verify.png").stat().st_size > 10_000
     assert "path 1 verified" in capsys.readouterr().out
 
@@ -189,3 +193,59 @@ def test_a_plan_from_a_real_picture_is_driven(tmp_path: Path) -> None:
     scenario = load_scenario(str(tmp_path / "ai4mars_3265_scenario.toml"))
     placed = sum(item.kind == "rock" for item in scenario.obstacle)
     assert 0 < placed <= len(table["rocks"])
+
+
+def track(*corners: tuple[float, float]) -> FloatArray:
+    return dense(np.array(corners), 0.05)
+
+
+def test_unseen_ground_is_what_the_picture_does_not_show(seen: tuple[Perception, View]) -> None:
+    found, view = seen
+    assert unseen_m(found, view, track((0.0, 0.0), (6.0, 0.0)), REACH_M) == 0.0
+    # Sideways nothing is in view; the first metre is where the rover was set down.
+    assert unseen_m(found, view, track((0.0, 0.0), (0.0, 4.0)), REACH_M) == pytest.approx(3.0, abs=0.06)
+    assert unseen_m(found, view, track((0.0, 0.0), (12.0, 0.0)), REACH_M) == pytest.approx(2.0, abs=0.06)
+    unknown = replace(found, classes=np.full(found.classes.shape, "U"))
+    assert unseen_m(unknown, view, track((0.0, 0.0), (6.0, 0.0)), REACH_M) == pytest.approx(5.0, abs=0.06)
+
+
+@pytest.mark.parametrize(
+    ("safe", "changed", "unseen", "verdict", "fault"),
+    [
+        (True, {}, 0.0, "verified", ""),
+        (True, {}, 0.3, "unseen", ""),
+        (True, {"clearance_m": -0.01}, 0.0, "failed", "over a rock too high to climb"),
+        (False, {"reason": "timeout"}, 0.0, "failed", "timeout"),
+        (False, {"collisions": 1}, 0.3, "failed", "touched a rock"),
+        (False, {"max_tilt_deg": 31.0}, 0.0, "failed", "leaned too far"),
+        (False, {"min_stability_margin": -0.1}, 0.0, "failed", "nearly tipped"),
+    ],
+)
+def test_verdicts(safe: bool, changed: dict[str, object], unseen: float, verdict: str, fault: str) -> None:
+    figures = {"reason": "goal", "collisions": 0, "max_tilt_deg": 3.0, "min_stability_margin": 0.2, "clearance_m": None}
+    check = Check(Drive(safe, figures | changed, np.zeros((1, 2))), unseen)
+    assert (check.verdict.value, check.fault) == (verdict, fault)
+
+
+def test_without_a_path_the_goal_lies_on_no_rock(seen: tuple[Perception, View]) -> None:
+    found, view = seen
+    (rock,) = found.rocks
+    assert rock.placed is not None
+    in_the_way = replace(rock, placed=replace(rock.placed, position_w=(8.0, 0.0, 0.0), length_m=1.4))
+    assert way_ahead(found, view, 8.0)[-1] == pytest.approx((8.0, 0.0))
+    assert way_ahead(replace(found, rocks=(in_the_way,)), view, 8.0)[-1] == pytest.approx((7.25, 0.0))
+
+
+@pytest.mark.parametrize(
+    ("size", "drawn"),
+    [((320, 240), (960, 720)), ((1200, 900), (1200, 900)), ((500, 1), (1000, 2)), ((1, 500), (3, 1500))],
+)
+def test_the_overlay_has_the_size_of_the_picture_or_a_whole_multiple(
+    seen: tuple[Perception, View], size: tuple[int, int], drawn: tuple[int, int]
+) -> None:
+    found, _ = seen
+    picture = np.full((size[1], size[0], 3), 120, dtype=np.uint8)
+    overlay = draw_overlay(picture, found, [np.array([[0.0, 0.0], [10.0, 10.0]])], [Verdict.VERIFIED])
+    assert overlay.shape[1] == drawn[0]
+    assert overlay.shape[0] > drawn[1]  # the legend is below
+    assert (overlay == VERDICT_COLOURS[Verdict.VERIFIED]).all(axis=2).any() or min(size) == 1

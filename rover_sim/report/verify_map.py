@@ -17,7 +17,6 @@ from perception.pipeline import Perception
 from perception.rock_placement import View
 from rover_sim.files import atomic_path
 from rover_sim.report.perceived_overlay import CLASS_COLOURS, CLASS_NAMES, VERDICT_COLOURS, VERDICT_NAMES
-from rover_sim.verdict import Verdict
 from rover_sim.verify import Check
 from rover_sim.virtual_terrain import placed_rocks, window_corners
 from worlds.rock_shape import outlines
@@ -84,7 +83,7 @@ def _draw_check(axes: Axes, number: int, way_w: FloatArray, check: Check) -> Non
     axes.plot(*_ahead_up(way_w).T, color="white", linestyle="--", linewidth=1.4, marker="o", markersize=2.5, zorder=4)
     axes.plot(*_ahead_up(drive.track_w).T, color=colour, linewidth=2.6, zorder=5)
     end = _ahead_up(drive.track_w[-1])
-    text = f"{number} {drive.figures['reason'] if check.verdict is Verdict.FAILED else check.verdict.value}"
+    text = f"{number} {check.fault or check.verdict.value}"
     box = {"facecolor": "black", "alpha": 0.7, "edgecolor": "none", "pad": 1.5}
     axes.annotate(
         text,
