@@ -39,8 +39,11 @@ def sky_cues(lab: SingleArray, hidden: BoolArray) -> tuple[dict[str, SingleArray
     lightness = np.ascontiguousarray(lab[..., 0])
     across = cv2.Sobel(lightness, cv2.CV_32F, 1, 0, scale=0.125)
     down = cv2.Sobel(lightness, cv2.CV_32F, 0, 1, scale=0.125)
-    planes, missing = _cells(np.dstack([lab, cv2.magnitude(across, down)]), hidden)
-    colours, gradient = (planes[..., 0], planes[..., 1], planes[..., 2]), planes[..., 3]
+    seen, share = _seen_share(hidden)
+    missing = np.asarray(share < 1.0 - _MISSING_SHARE)
+    means = _cells(lab, seen, share, missing)
+    gradient = _cells(np.asarray(cv2.magnitude(across, down), dtype=np.float32), seen, share, missing)
+    colours = (means[..., 0], means[..., 1], means[..., 2])
     low = slice(gradient.shape[0] // 2, None)
     usual = float(np.median(gradient[low])) + 0.1
     fine, broad = _log_blur(gradient, (5, 3)), _log_blur(gradient, (15, 3))
@@ -105,19 +108,26 @@ def over_line(line: IntArray, shape: tuple[int, int]) -> BoolArray:
     return np.asarray(np.arange(shape[0])[:, None] + 0.5 < rows)
 
 
-def _cells(planes: SingleArray, hidden: BoolArray) -> tuple[SingleArray, BoolArray]:
-    """Means (rows, columns, 4) of ``planes`` (H, W, 4) over cells, missing pixels left out; which cells are missing."""
+def _seen_share(hidden: BoolArray) -> tuple[SingleArray | None, SingleArray]:
+    """Pixels (H, W) that count, 0 or 1, None where all do, and their share (rows, columns) in each cell."""
     size = (hidden.shape[1] // CELL_PX, hidden.shape[0] // CELL_PX)
     if not hidden.any():
-        return _mean(planes, size), np.zeros(size[::-1], dtype=bool)
+        return None, np.ones(size[::-1], dtype=np.float32)
     grown = cv2.dilate(hidden.view(np.uint8), np.ones((_MISSING_GROWN_PX, _MISSING_GROWN_PX), np.uint8))
     seen = (grown == 0).astype(np.float32)
-    share = _mean(seen, size)
-    means = np.divide(_mean(planes * seen[..., None], size), np.maximum(share, 1e-3)[..., None], dtype=np.float32)
-    missing = share < 1.0 - _MISSING_SHARE
+    return seen, _mean(seen, size)
+
+
+def _cells(planes: SingleArray, seen: SingleArray | None, share: SingleArray, missing: BoolArray) -> SingleArray:
+    """Means of ``planes`` (H, W, ...) over cells by what is seen; missing cells take those of the cell under them."""
+    size = (share.shape[1], share.shape[0])
+    if seen is None:
+        return _mean(planes, size)
+    weight, whole = (seen, share) if planes.ndim == 2 else (seen[..., None], share[..., None])
+    means = np.divide(_mean(planes * weight, size), np.maximum(whole, 1e-3), dtype=np.float32)
     for row in range(size[1] - 2, -1, -1):
         means[row][missing[row]] = means[row + 1][missing[row]]
-    return means, np.asarray(missing)
+    return means
 
 
 def _mean(values: SingleArray, size: tuple[int, int]) -> SingleArray:

@@ -32,10 +32,15 @@ def read_picture(path: Path) -> ByteArray:
         raise InputError(f"{path}: cannot be read ({error.strerror}); give {ALLOWED}") from error
     if _cut_off(data):
         raise InputError(f"{path}: the file is cut off; give {ALLOWED}")
+    loudness = cv2.utils.logging.getLogLevel()
+    cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)  # what is wrong is told in one line, here
     try:
         picture = cv2.imdecode(np.frombuffer(data, dtype=np.uint8), cv2.IMREAD_UNCHANGED) if data else None
     except cv2.error as error:
-        raise InputError(f"{path}: cannot be decoded ({error.err}); give {ALLOWED}") from error
+        reason = " ".join(str(error.err).split())
+        raise InputError(f"{path}: cannot be decoded ({reason}); give {ALLOWED}") from error
+    finally:
+        cv2.utils.logging.setLogLevel(loudness)
     if picture is None:
         raise InputError(f"{path}: not a picture that can be decoded; give {ALLOWED}")
     if picture.dtype not in {np.dtype(np.uint8), np.dtype(np.uint16)}:
