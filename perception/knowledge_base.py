@@ -143,8 +143,8 @@ class GroundKnowledge(_Table, frozen=True, kw_only=True):
     horizon_dip_deg: float = 2.0  # what is closer to the horizon is too far to judge
     pixel_sd: float = 0.7
     attitude_sd_deg: float = 0.3
-    ground_sd_m: float = 0.02  # of the ground near the rover against the believed plane
-    slope_sd: float = 0.03  # how far rolling ground leaves the plane, per metre of range
+    ground_sd_m: float = 0.045  # of the ground near the rover against the believed plane
+    slope_sd: float = 0.018  # how far rolling ground leaves the plane, per metre of range
 
 
 class RockKnowledge(_Table, frozen=True, kw_only=True):

@@ -32,6 +32,7 @@ class RockOutlines:
     right_px: FloatArray
     top_px: FloatArray  # (R,) row of the upper outline
     base_px: FloatArray  # (R,) row of the base line: the near edge where the rock leaves the ground
+    area_px: FloatArray  # (R,) of the silhouette, square pixels
 
 
 def outlines(blobs: Blobs, round_ratio: float) -> RockOutlines:
@@ -40,7 +41,8 @@ def outlines(blobs: Blobs, round_ratio: float) -> RockOutlines:
     top, base = _outline_rows(blobs.labels, blobs.box_px, _OUTLINE_QUANTILE).T
     length, sections = probe_sections(blobs)
     ratio = np.sqrt(blobs.variance_px2[:, 0] / blobs.variance_px2[:, 1])
-    return RockOutlines(formation(blobs.axis_rad, ratio, round_ratio), length, sections, x, x + width, top, base)
+    which, area = formation(blobs.axis_rad, ratio, round_ratio), blobs.area_px.astype(np.float64)
+    return RockOutlines(which, length, sections, x, x + width, top, base, area)
 
 
 def formation(axis_rad: FloatArray, ratio: FloatArray, round_ratio: float) -> IntArray:

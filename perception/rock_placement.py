@@ -1,11 +1,14 @@
 """From rock outlines in the picture to rocks on the ground that the rover believes in.
 
-The base line of a blob is the near edge of the rock, where the ray meets the ground. Its breadth comes from the
-columns it spans at its own distance. Depth and height share one measurement, the upper outline: for a half ellipsoid
-of half depth a and height b standing on the plane, the ray that grazes its top from a camera at height H satisfies
-b^2 = q^2 - 2 q a s, with s the tangent of the ray's depression and q its height over the near edge (derived from the
-tangent condition q - a s = sqrt(b^2 + a^2 s^2)). Depth is taken as the breadth unless the height would leave the
-proportions of rocks; then the height stays at the limit and the depth follows.
+The base line of a blob is the near edge of the rock, where the ray meets the ground; its breadth comes from the
+columns it spans. How large its base is follows from the area of its silhouette: half an ellipsoid of base diameter D
+and height e D, seen at a depression d, covers pi / 8 D^2 (sqrt(4 e^2 cos^2 d + sin^2 d) + sin d) of a plane across the
+ray (upper half of a tilted ellipsoid, and the near half of its base). Breadth times depth is then D^2.
+
+Height comes from the upper outline: the ray that grazes the top from a camera at height H satisfies
+b^2 = q^2 - 2 q a s, with a the half depth, b the height, s the tangent of the ray's depression and q its height over
+the near edge (from the tangent condition q - a s = sqrt(b^2 + a^2 s^2)). Base line and top are known to a pixel only,
+so the answer is the geometric mean of that and of the usual proportion, unless a thing is too tall for any rock.
 """
 
 from __future__ import annotations
@@ -21,7 +24,8 @@ from perception.rock_geometry import RockOutlines
 from worlds.geometry import rotation_from_quaternion
 from worlds.types import CameraModel, FloatArray, GroundPlane, PerceivedRock, Pose
 
-_HEIGHT_OVER_BREADTH = (0.2, 0.6)  # rocks are 0.25 to 0.5 of their diameter high; some room for what was measured
+_HEIGHT_OVER_DIAMETER = 0.38  # of the usual rock; they are 0.25 to 0.5 of their diameter high
+_HEIGHT_LIMITS = (0.2, 0.6)
 _DEPTH_OVER_BREADTH = (0.4, 2.0)
 
 
@@ -55,53 +59,78 @@ def place_rocks(
     foot = view.pose.position_w - view.height_m * view.plane.normal_w
     ahead = (near_w - foot) / near_range[:, None]
     ends = [rays_c(view.camera, np.column_stack([column, base]))[:, 0] for column in (left, right)]
-    breadth = _breadth(view, near_w, ahead, ends[1] - ends[0])
+    # Off the axis a pixel is a smaller part of the view, by the cube of the cosine.
+    aslant = np.linalg.norm(rays_c(view.camera, np.column_stack([middle, base])), axis=-1)
+    spread = np.sqrt(shape.area_px * scale[0] * scale[1] / aslant**3) / view.camera.focal_px
+    diameter = base_diameter(view.height_m, near_range, spread)
+    breadth, depth = breadth_and_depth(_breadth(view, near_w, ahead, ends[1] - ends[0]), diameter)
+    half_depth, size = depth / 2.0, np.sqrt(breadth * depth)
     top = rays_w(view.camera, view.pose, np.column_stack([middle, shape.top_px * scale[1]]))
-    half_depth, height = depth_and_height(view.height_m, near_range, breadth, _fall(top, view.plane))
+    grazing = grazed_height(view.height_m, near_range, half_depth, _fall(top, view.plane))
+    height = likely_height(grazing, size, diameter)
     centre_w = near_w + half_depth[:, None] * ahead
     reach = near_range + half_depth
     angle_sd = float(np.hypot(know.pixel_sd / view.camera.focal_px, np.deg2rad(know.attitude_sd_deg)))
-    spread = range_sd(reach, view.height_m, angle_sd, know.ground_sd_m, know.slope_sd)
+    sigma = range_sd(reach, view.height_m, angle_sd, know.ground_sd_m, know.slope_sd)
     yaw = np.arctan2(ahead[:, 1], ahead[:, 0])
-    size = np.sqrt(2.0 * half_depth * breadth)
     placed: list[PerceivedRock | None] = []
     for i in range(len(certainty)):
         if not (reach[i] <= know.max_range_m and size[i] >= know.min_diameter_m):
             placed.append(None)
             continue
-        deep = 2.0 * half_depth[i] > breadth[i]
+        deep = depth[i] > breadth[i]
         placed.append(
             PerceivedRock(
                 position_w=(float(centre_w[i, 0]), float(centre_w[i, 1]), float(centre_w[i, 2])),
-                length_m=float(max(breadth[i], 2.0 * half_depth[i])),
-                width_m=float(min(breadth[i], 2.0 * half_depth[i])),
+                length_m=float(max(breadth[i], depth[i])),
+                width_m=float(min(breadth[i], depth[i])),
                 height_m=float(height[i]),
                 yaw_rad=float(yaw[i] if deep else (yaw[i] + np.pi / 2.0 + np.pi) % (2.0 * np.pi) - np.pi),
                 certainty=float(certainty[i]),
                 formation=int(shape.formation[i]),
                 range_m=float(reach[i]),
-                position_sd_m=float(spread[i]),
+                position_sd_m=float(sigma[i]),
             )
         )
     return placed
 
 
-def depth_and_height(
-    camera_height_m: float, near_range_m: FloatArray, breadth_m: FloatArray, top_fall: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Half depth and height (R,) in metres of half ellipsoids whose top outline falls with slope ``top_fall``."""
-    q = np.maximum(camera_height_m - near_range_m * top_fall, 1e-3)
-    shallow, deep = (0.5 * ratio * breadth_m for ratio in _DEPTH_OVER_BREADTH)
-    half_depth = 0.5 * breadth_m
-    squared = q * q - 2.0 * q * half_depth * top_fall
-    low, high = ((ratio * breadth_m) ** 2 for ratio in _HEIGHT_OVER_BREADTH)
-    wanted = np.clip(squared, low, high)
-    # Near the horizon the top says nothing of the depth; elsewhere the limit of height decides it.
-    slope = np.where(top_fall > 0.05, top_fall, np.nan)
-    fitted = np.clip((q * q - wanted) / (2.0 * q * slope), shallow, deep)
-    half_depth = np.where(np.isnan(fitted) | (wanted == squared), half_depth, fitted)
-    height = np.sqrt(np.maximum(q * q - 2.0 * q * half_depth * top_fall, low))
-    return half_depth, height
+def base_diameter(camera_height_m: float, near_range_m: FloatArray, spread: FloatArray) -> FloatArray:
+    """Diameter (R,) in metres of the circle of equal base; ``spread`` is the root of its silhouette's solid angle."""
+    distance = np.hypot(near_range_m, camera_height_m)
+    sine = camera_height_m / distance
+    upper = np.hypot(2.0 * _HEIGHT_OVER_DIAMETER * near_range_m / distance, sine)
+    ratio = spread / np.sqrt(np.pi / 8.0 * (upper + sine))
+    # diameter = ratio * (distance + half a diameter along the ray), solved for the diameter.
+    return np.asarray(ratio * distance / np.maximum(1.0 - 0.5 * ratio * near_range_m / distance, 0.2))
+
+
+def breadth_and_depth(breadth_m: FloatArray, diameter_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Breadth and depth (R,) whose product is ``diameter_m`` squared, within the proportions of rocks.
+
+    Something taller than any rock of its breadth, such as a post, keeps its breadth.
+    """
+    ratio = np.clip((diameter_m / breadth_m) ** 2, *_DEPTH_OVER_BREADTH)
+    kept = np.minimum(diameter_m / np.sqrt(ratio), breadth_m)
+    return kept, kept * ratio
+
+
+def grazed_height(
+    camera_height_m: float, near_range_m: FloatArray, half_depth_m: FloatArray, top_fall: FloatArray
+) -> FloatArray:
+    """Height (R,) in metres of half ellipsoids whose top outline falls with slope ``top_fall``; 0 for none."""
+    q = np.maximum(camera_height_m - near_range_m * top_fall, 0.0)
+    return np.sqrt(np.maximum(q * q - 2.0 * q * half_depth_m * top_fall, 0.0))
+
+
+def likely_height(grazing_m: FloatArray, size_m: FloatArray, diameter_m: FloatArray) -> FloatArray:
+    """Height (R,) in metres between the measured one and the usual proportion to the ``size_m`` of the base.
+
+    Where the silhouette asks for a larger base (``diameter_m``) than its breadth allows, what was measured counts.
+    """
+    low, high = (share * size_m for share in _HEIGHT_LIMITS)
+    usual = np.sqrt(np.clip(grazing_m, low, high) * _HEIGHT_OVER_DIAMETER * size_m)
+    return np.where(diameter_m > 1.01 * size_m, np.maximum(grazing_m, usual), usual)
 
 
 def _breadth(view: View, near_w: FloatArray, ahead: FloatArray, spread: FloatArray) -> FloatArray:
