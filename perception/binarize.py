@@ -11,12 +11,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import cv2
+import msgspec
 import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.cues import cue_planes, used_cues
-from perception.knowledge_base import Binarization, Knowledge, RockCues
+from perception.cues import COLOUR_CUES, Planes, colour_likeness, cue_planes
+from perception.knowledge_base import Binarization, CueSet, Knowledge
 from perception.soil_reference import SoilReference
 from worlds.types import BoolArray, ByteArray, FloatArray
 
@@ -39,23 +40,53 @@ def binarize(lab: SingleArray, grey: ByteArray, soil: SoilReference, hidden: Boo
 
     ``hidden`` (H, W) marks sky and what else is no ground.
     """
-    how = know.binarization
-    score = rock_score(lab, soil, know.cues, how.roughness_window_px)
-    score[hidden] = 0.0
+    score = rock_score(lab, soil, hidden, know)
+    return Binarized(score, rock_mask(score, grey, know.binarization))
+
+
+def rock_mask(score: SingleArray, grey: ByteArray, how: Binarization) -> BoolArray:
+    """Pixels (H, W) whose ``score`` passes their window's threshold, with closed outlines, cleaned."""
     rock = score > threshold_map(score, how, 20)
-    return Binarized(score, clean(close_edges(rock, score, grey, how), how))
+    return clean(close_edges(rock, score, grey, how), how)
 
 
-def rock_score(lab: SingleArray, soil: SoilReference, cues: RockCues, window_px: int) -> SingleArray:
-    """Score (H, W) in 0..1 that a pixel is rock; without colour, lightness and roughness alone judge."""
-    names = used_cues(cues, coloured=soil.coloured)
-    planes = cue_planes(lab, soil, names, cues.shade_compensation, window_px)
-    return np.asarray(_score_kernel(planes, evidence_tables(cues, names)))
+def rock_score(lab: SingleArray, soil: SoilReference, hidden: BoolArray, know: Knowledge) -> SingleArray:
+    """Score (H, W) in 0..1 that a pixel is rock: a first look, and a second one that knows what the first found.
+
+    Pictures without colour have one look, with evidence of their own.
+    """
+    first, second = looks(know, coloured=soil.coloured)
+    names = {name for cues in (first, second) if cues is not None for name, _ in cues.named()}
+    planes = cue_planes(lab, soil, names, know.cues.shade_compensation, know.binarization.roughness_window_px)
+    score = evidence_score(planes, first)
+    if second is not None:
+        planes["likeness"] = colour_likeness(lab, score, soil, hidden)
+        score = evidence_score(planes, second)
+    score[hidden] = 0.0
+    return score
+
+
+def looks(know: Knowledge, *, coloured: bool) -> tuple[CueSet, CueSet | None]:
+    """The cues of the first look and those of the second, where there is one."""
+    if coloured:
+        return know.cues, know.second_cues
+    if know.grey_cues is not None:
+        return know.grey_cues, None
+    return msgspec.structs.replace(know.cues, **dict.fromkeys(COLOUR_CUES)), None
+
+
+def evidence_score(planes: Planes, cues: CueSet) -> SingleArray:
+    """Logistic curve (H, W) of the evidence that all ``cues`` give together."""
+    shape = next(iter(planes.values())).shape
+    total = np.full(shape, cues.bias, dtype=np.float32)
+    for name, cue in cues.named():
+        _add_evidence(total, planes[name], evidence_table(cue.value, np.array(cue.evidence)))
+    return np.asarray(_through_table(total, _LOGISTIC))
 
 
 def threshold_map(score: SingleArray, how: Binarization, window_px: int) -> SingleArray:
     """Threshold (H, W): the optimum of each ``window_px`` window, interpolated between window centres."""
-    grid = _window_thresholds(score, window_px, how.threshold, how.threshold_span[0], how.threshold_span[1], how.spread)
+    grid = window_thresholds(score, window_px, how.threshold, how.threshold_span[0], how.threshold_span[1], how.spread)
     size = (score.shape[1], score.shape[0])
     return np.asarray(cv2.resize(grid, size, interpolation=cv2.INTER_LINEAR), dtype=np.float32)
 
@@ -82,17 +113,17 @@ def _disc(size_px: int) -> ByteArray:
     return np.asarray(cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size_px, size_px)), dtype=np.uint8)
 
 
-def evidence_tables(cues: RockCues, names: tuple[str, ...]) -> SingleArray:
-    """Sampled evidence of the cues ``names`` and the logistic curve, (K + 1, 2 + samples), for the compiled kernel."""
-    rows = [_samples(getattr(cues, name).value, np.array(getattr(cues, name).evidence)) for name in names]
-    logistic = np.linspace(-_LOGISTIC_REACH, _LOGISTIC_REACH, _TABLE_STEPS + 1)
-    rows.append(_samples(tuple(logistic), 1.0 / (1.0 + np.exp(-logistic - cues.bias))))
-    return np.array(rows, dtype=np.float32)
+def evidence_table(knots: tuple[float, ...], evidence: FloatArray) -> SingleArray:
+    """Evidence sampled between the first and the last of the ``knots``, for the compiled kernels.
 
-
-def _samples(knots: tuple[float, ...], evidence: FloatArray) -> FloatArray:
+    (2 + samples): the first knot, steps a unit, and the samples.
+    """
     values = np.interp(np.linspace(knots[0], knots[-1], _TABLE_STEPS + 1), knots, evidence)
-    return np.concatenate([[knots[0], _TABLE_STEPS / (knots[-1] - knots[0])], values])
+    return np.concatenate([[knots[0], _TABLE_STEPS / (knots[-1] - knots[0])], values]).astype(np.float32)
+
+
+_REACHED = np.linspace(-_LOGISTIC_REACH, _LOGISTIC_REACH, _TABLE_STEPS + 1)
+_LOGISTIC = evidence_table(tuple(_REACHED), 1.0 / (1.0 + np.exp(-_REACHED)))
 
 
 @numba.njit(cache=True)
@@ -103,23 +134,26 @@ def _evidence(value: float, table: SingleArray) -> float:
 
 
 @numba.njit(cache=True)
-def _score_kernel(planes: SingleArray, tables: SingleArray) -> SingleArray:
-    """Logistic curve of the summed evidence: ``planes`` (K, H, W), ``tables`` (K + 1, 2 + samples), the curve last."""
-    count, height, width = planes.shape
-    score = np.empty((height, width), dtype=np.float32)
-    for y in range(height):
-        for x in range(width):
-            total = 0.0
-            for cue in range(count):
-                total += _evidence(planes[cue, y, x], tables[cue])
-            score[y, x] = _evidence(total, tables[count])
-    return score
+def _add_evidence(total: SingleArray, plane: SingleArray, table: SingleArray) -> None:
+    for y in range(total.shape[0]):
+        for x in range(total.shape[1]):
+            total[y, x] += _evidence(plane[y, x], table)
 
 
 @numba.njit(cache=True)
-def _window_thresholds(
+def _through_table(values: SingleArray, table: SingleArray) -> SingleArray:
+    answer = np.empty_like(values)
+    for y in range(values.shape[0]):
+        for x in range(values.shape[1]):
+            answer[y, x] = _evidence(values[y, x], table)
+    return answer
+
+
+@numba.njit(cache=True)
+def window_thresholds(
     score: SingleArray, size: int, default: float, low: float, high: float, spread: float
 ) -> SingleArray:
+    """Otsu's threshold, held between ``low`` and ``high``, of each whole window; ``default`` under that ``spread``."""
     rows, columns = score.shape[0] // size, score.shape[1] // size
     grid = np.full((rows, columns), default, dtype=np.float32)
     histogram = np.zeros(_SCORE_BINS)

@@ -8,9 +8,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import cv2
+import numba
 import numpy as np
 
+from perception.touching_rocks import part_at_necks
 from worlds.types import BoolArray, FloatArray, IntArray
 
 
@@ -30,17 +31,15 @@ class Blobs:
         return len(self.area_px)
 
 
-def find_blobs(mask: BoolArray, min_area_px: int = 1) -> Blobs:
-    """8-connected blobs of ``mask`` (H, W) with at least ``min_area_px`` pixels."""
-    count, labels, stats, centres = cv2.connectedComponentsWithStats(mask.view(np.uint8), connectivity=8)
-    order = np.argsort(-stats[1:, cv2.CC_STAT_AREA], kind="stable") + 1
-    order = order[stats[order, cv2.CC_STAT_AREA] >= min_area_px]
-    rank = np.zeros(count, dtype=np.int32)
-    rank[order] = np.arange(1, len(order) + 1, dtype=np.int32)
-    area = stats[order, cv2.CC_STAT_AREA].astype(np.int32)
-    box = stats[order, :4].astype(np.int32)
-    labels = rank[labels]
-    centre = np.asarray(centres[order] + 0.5, dtype=np.float64)
+def find_blobs(mask: BoolArray, min_area_px: int = 1, neck_ratio: float = 0.0) -> Blobs:
+    """8-connected blobs of ``mask`` (H, W) with at least ``min_area_px`` pixels, parted at narrow necks."""
+    labels = part_at_necks(mask, neck_ratio)
+    area, box, centre = _measured(labels)
+    order = np.argsort(-area, kind="stable")
+    order = order[area[order] >= min_area_px]
+    rank = np.zeros(len(area) + 1, dtype=np.int32)
+    rank[order + 1] = np.arange(1, len(order) + 1, dtype=np.int32)
+    labels, area, box, centre = rank[labels], area[order], box[order], centre[order]
     variance, axis = _principal(labels, area, centre)
     return Blobs(labels, area, box, centre, variance, axis, _touches(box, mask.shape))
 
@@ -58,6 +57,30 @@ def select(blobs: Blobs, keep: BoolArray) -> Blobs:
         blobs.axis_rad[keep],
         blobs.border[keep],
     )
+
+
+@numba.njit(cache=True)
+def _measured(labels: IntArray) -> tuple[IntArray, IntArray, FloatArray]:
+    """Area (R,), box (R, 4) and centre (R, 2) of the labels 1..R; a label without pixels has area 0."""
+    count = labels.max()
+    area = np.zeros(count, dtype=np.int32)
+    corners = np.zeros((count, 4), dtype=np.int32)  # left, top, right, bottom
+    total = np.zeros((count, 2))
+    for y in range(labels.shape[0]):
+        for x in range(labels.shape[1]):
+            label = labels[y, x] - 1
+            if label < 0:
+                continue
+            if area[label] == 0:
+                corners[label] = x, y, x, y
+            area[label] += 1
+            total[label, 0] += x + 0.5
+            total[label, 1] += y + 0.5
+            corners[label, 0] = min(corners[label, 0], x)
+            corners[label, 2] = max(corners[label, 2], x)
+            corners[label, 3] = y
+    corners[:, 2:] += 1 - corners[:, :2]
+    return area, corners, total / np.maximum(area, 1).reshape(-1, 1)
 
 
 def _principal(labels: IntArray, area: IntArray, centre: FloatArray) -> tuple[FloatArray, FloatArray]:

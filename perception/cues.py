@@ -2,44 +2,95 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.knowledge_base import CUE_NAMES, RockCues
 from perception.soil_reference import SoilReference, mean_gradient
+from worlds.types import BoolArray
 
 SingleArray = NDArray[np.float32]
-COLOUR_CUES = ("green_red", "blue_yellow")
+Planes = dict[str, SingleArray]
+COLOUR_CUES = frozenset({"green_red", "blue_yellow"})
+_CHANNELS = {"lightness": 0, "green_red": 1, "blue_yellow": 2}
+_BINS = (16, 8, 8)  # of the colour histogram, in L*, a* and b*
+_REACH = np.array([50.0, 16.0, 20.0], dtype=np.float32)  # that the bins cover on either side of the soil
+_PRIOR = 3.0  # pixels of the picture's average that each bin starts with
 
 
 def cue_planes(
-    lab: SingleArray, soil: SoilReference, names: tuple[str, ...], shade_compensation: float, window_px: int
-) -> SingleArray:
-    """The measures ``names`` (K, H, W) of a smoothed picture ``lab`` (H, W, 3); see `RockCues` for what each is."""
-    planes = np.empty((len(names), *lab.shape[:2]), dtype=np.float32)
-    for plane, name in zip(planes, names, strict=True):
-        if name == "roughness":
-            np.multiply(mean_gradient(lab[..., 0], window_px), np.float32(1.0 / soil.gradient), out=plane)
-        else:
-            _against_soil(lab, CUE_NAMES.index(name), soil.lab, shade_compensation, plane)
+    lab: SingleArray, soil: SoilReference, names: Iterable[str], shade_compensation: float, window_px: int
+) -> Planes:
+    """The measures ``names``, each (H, W), of a smoothed picture ``lab`` (H, W, 3); see `CueSet` for what each is."""
+    planes: Planes = {}
+    for name in names:
+        if name in _CHANNELS:
+            planes[name] = _against_soil(lab, _CHANNELS[name], soil.lab, shade_compensation)
+        elif name == "roughness":
+            planes[name] = mean_gradient(lab[..., 0], window_px) * np.float32(1.0 / soil.gradient)
     return planes
 
 
-def used_cues(cues: RockCues, *, coloured: bool) -> tuple[str, ...]:
-    """Names of the cues that speak: without colour, those of colour are silent."""
-    return tuple(name for name, _ in cues.named() if coloured or name not in COLOUR_CUES)
+def colour_likeness(lab: SingleArray, score: SingleArray, soil: SoilReference, hidden: BoolArray) -> SingleArray:
+    """Mean of a first ``score`` (H, W) over the seen pixels of the picture that have a pixel's colour, (H, W).
+
+    Colours are cells of a coarse histogram around the soil's, smoothed over neighbouring cells.
+    """
+    cells = _colour_cells(lab, soil.lab, _REACH, _BINS)
+    sums = _histograms(cells, score, hidden, int(np.prod(_BINS))).reshape(2, *_BINS)
+    rock, count = _spread(sums).reshape(2, -1)
+    usual = float(rock.sum() / max(float(count.sum()), 1.0))
+    share = ((rock + _PRIOR * usual) / (count + _PRIOR)).astype(np.float32)
+    return np.asarray(share[cells])
 
 
 @numba.njit(cache=True)
-def _against_soil(
-    lab: SingleArray, channel: int, reference: SingleArray, compensation: float, out: SingleArray
-) -> None:
+def _against_soil(lab: SingleArray, channel: int, reference: SingleArray, compensation: float) -> SingleArray:
     """Channel minus the soil's; colours minus those of soil lit like the pixel, as far as ``compensation`` says."""
+    plane = np.empty(lab.shape[:2], dtype=np.float32)
+    # Soil lit less keeps its hue: Lab then scales a* and b* about as it scales L*.
+    constant = reference[channel] if channel == 0 else (1.0 - compensation) * reference[channel]
+    slope = 0.0 if channel == 0 else compensation * reference[channel] / reference[0]
     for y in range(lab.shape[0]):
         for x in range(lab.shape[1]):
-            # Soil lit less keeps its hue: Lab then scales a* and b* about as it scales L*.
-            dim = 1.0
-            if channel > 0:
-                dim = 1.0 - compensation + compensation * lab[y, x, 0] / reference[0]
-            out[y, x] = lab[y, x, channel] - dim * reference[channel]
+            plane[y, x] = lab[y, x, channel] - constant - slope * lab[y, x, 0]
+    return plane
+
+
+@numba.njit(cache=True)
+def _colour_cells(
+    lab: SingleArray, centre: SingleArray, reach: SingleArray, bins: tuple[int, int, int]
+) -> NDArray[np.int32]:
+    cells = np.empty(lab.shape[:2], dtype=np.int32)
+    for y in range(lab.shape[0]):
+        for x in range(lab.shape[1]):
+            cell = 0
+            for axis in range(3):
+                place = (lab[y, x, axis] - centre[axis] + reach[axis]) / (2.0 * reach[axis]) * bins[axis]
+                cell = cell * bins[axis] + min(max(int(place), 0), bins[axis] - 1)
+            cells[y, x] = cell
+    return cells
+
+
+@numba.njit(cache=True)
+def _histograms(cells: NDArray[np.int32], score: SingleArray, hidden: BoolArray, size: int) -> SingleArray:
+    """Summed score and count (2, size) of the seen pixels of each cell."""
+    sums = np.zeros((2, size), dtype=np.float32)
+    for y in range(cells.shape[0]):
+        for x in range(cells.shape[1]):
+            if not hidden[y, x]:
+                sums[0, cells[y, x]] += score[y, x]
+                sums[1, cells[y, x]] += 1.0
+    return sums
+
+
+def _spread(sums: SingleArray) -> SingleArray:
+    """``sums`` (2, bins...) smoothed over neighbouring cells with weights 1/4, 1/2, 1/4 along each axis of bins."""
+    for axis in range(1, sums.ndim):
+        line = np.moveaxis(sums, axis, -1)
+        beside = np.concatenate([line[..., :1], line, line[..., -1:]], axis=-1)
+        line = np.float32(0.25) * (beside[..., :-2] + 2 * line + beside[..., 2:])
+        sums = np.asarray(np.moveaxis(line, -1, axis), dtype=np.float32)
+    return sums

@@ -18,7 +18,7 @@ from worlds.strict_toml import Limits, check_limits, convert_table, read_table
 
 ROCK_INPUTS = ("contrast", "energy", "variance", "area", "strength")
 TERRAIN_INPUTS = ("fine", "coarse", "cover", "big", "unseen")
-CUE_NAMES = ("lightness", "green_red", "blue_yellow", "roughness")
+CUE_NAMES = ("lightness", "green_red", "blue_yellow", "roughness", "likeness")
 SKY_CUES = ("lightness", "green_red", "blue_yellow", "texture", "texture_over", "texture_level", "row")
 LIMITS: Limits = {
     "soil.window_px": (1, 99),
@@ -35,6 +35,7 @@ LIMITS: Limits = {
     "binarization.threshold_span": (0.0, 1.0),
     "binarization.close_px": (1, 99),
     "binarization.open_px": (1, 99),
+    "binarization.neck_ratio": (0.0, 1.0),
     "binarization.min_area_px": (1, 76800),
     "sky.colour.step_cost": (0.0, 1e3),
     "sky.colour.least": (0.0, 1e3),
@@ -77,19 +78,25 @@ def _named(table: _Table, names: tuple[str, ...]) -> tuple[tuple[str, Cue], ...]
     return tuple((name, cue) for name, cue in found if cue is not None)
 
 
-class RockCues(_Table, frozen=True, kw_only=True):
+class CueSet(_Table, frozen=True, kw_only=True):
     """Additive evidence of any of the cues; score = logistic(bias + sum). Colours are CIE Lab minus the soil's."""
 
     bias: float
-    shade_compensation: float = 0.0  # 1: colours against soil darkened to the pixel's lightness, 0: as it is
     lightness: Cue | None = None
     green_red: Cue | None = None
     blue_yellow: Cue | None = None
     roughness: Cue | None = None  # mean gradient over the soil's own
+    likeness: Cue | None = None  # share of rock, by the first look, among pixels of the same colour in the picture
 
     def named(self) -> tuple[tuple[str, Cue], ...]:
         """Name and evidence of the cues that are there."""
         return _named(self, CUE_NAMES)
+
+
+class RockCues(CueSet, frozen=True, kw_only=True):
+    """The first look, which judges each pixel by itself."""
+
+    shade_compensation: float = 0.0  # 1: colours against soil darkened to the pixel's lightness, 0: as it is
 
 
 class Binarization(_Table, frozen=True, kw_only=True):
@@ -105,6 +112,7 @@ class Binarization(_Table, frozen=True, kw_only=True):
     edge_score: float = 0.3  # an edge pixel beside rock with at least this score closes the outline
     close_px: int = 5
     open_px: int = 5
+    neck_ratio: float = 0.0  # a blob is parted where it is narrower than this share of its parts' width; 0: never
     min_area_px: int = 80
 
 
@@ -159,6 +167,8 @@ class _File(_Table, frozen=True, kw_only=True):
     name: str
     soil: SoilKnowledge
     cues: RockCues
+    second_cues: CueSet | None = None  # a second look, with what the first one found; None: the first look counts
+    grey_cues: CueSet | None = None  # the only look at pictures without colour; None: `cues` without those of colour
     binarization: Binarization
     sky: Sky
     ground: GroundKnowledge
@@ -172,6 +182,8 @@ class Knowledge:
     name: str
     soil: SoilKnowledge
     cues: RockCues
+    second_cues: CueSet | None
+    grey_cues: CueSet | None
     binarization: Binarization
     sky: Sky
     ground: GroundKnowledge
@@ -199,7 +211,9 @@ def _decode(table: dict[str, Any], source: str) -> Knowledge:
     rules = {key: table.pop(key, {}) for key in ("rock_rules", "terrain_rules")}
     plain = convert_table(table, _File, source)
     check_limits(plain, LIMITS, source)
-    for key, evidence in (("cues", plain.cues), ("sky.colour", plain.sky.colour), ("sky.grey", plain.sky.grey)):
+    for key in ("cues", "second_cues", "grey_cues"):
+        _check_cues(getattr(plain, key), f"{source}: {key}", first_look=key != "second_cues")
+    for key, evidence in (("sky.colour", plain.sky.colour), ("sky.grey", plain.sky.grey)):
         for name, cue in evidence.named():
             _check_cue(cue, f"{source}: {key}.{name}")
     return Knowledge(
@@ -207,6 +221,13 @@ def _decode(table: dict[str, Any], source: str) -> Knowledge:
         rock_rules=_rules(rules["rock_rules"], f"{source}: rock_rules", ROCK_INPUTS),
         terrain_rules=_rules(rules["terrain_rules"], f"{source}: terrain_rules", TERRAIN_INPUTS),
     )
+
+
+def _check_cues(cues: CueSet | None, source: str, *, first_look: bool) -> None:
+    for name, cue in cues.named() if cues is not None else ():
+        if first_look and name == "likeness":
+            raise InputError(f"{source}: likeness needs a look before it; it may stand in second_cues only")
+        _check_cue(cue, f"{source}.{name}")
 
 
 def _check_cue(cue: Cue, source: str) -> None:

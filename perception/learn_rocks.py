@@ -1,70 +1,191 @@
-"""Evidence for rock, learned from pictures whose rock pixels people have outlined."""
+"""Evidence for rock, learned from pictures whose rock pixels people have outlined.
+
+Learned are: which smooth pixels count as soil, evidence of the first and the second look, evidence for pictures
+without colour, the threshold and how narrow a neck parts two rocks. All else comes from the knowledge to begin with.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import product
+from typing import Any
 
+import cv2
+import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
 from perception.additive_fit import fit_additive, quantile_knots
-from perception.cues import SingleArray, cue_planes, used_cues
-from perception.knowledge_base import Cue, Knowledge, RockCues
-from perception.pipeline import hidden_mask, smoothed, working_picture
-from perception.soil_reference import even_light, soil_reference
+from perception.binarize import evidence_score, rock_mask
+from perception.blobs import find_blobs
+from perception.cues import Planes, SingleArray, colour_likeness, cue_planes
+from perception.knowledge_base import Binarization, Cue, CueSet, Knowledge, RockCues, SoilKnowledge
+from perception.pipeline import hidden_mask, smoothed
+from perception.rock_score import RockCounts, count_rocks
+from perception.soil_reference import SoilReference, even_light, soil_reference
+from worlds.strict_toml import dump_toml
 from worlds.types import BoolArray, ByteArray, FloatArray
 
-QUANTILES = (0.01, 0.1, 0.25, 0.5, 0.75, 0.9, 0.99)
+FIRST_CUES = ("lightness", "green_red", "blue_yellow", "roughness")
+SECOND_CUES = (*FIRST_CUES, "likeness")
+GREY_CUES = ("lightness", "roughness")
+QUANTILES = (0.01, 0.1, 0.25, 0.5, 0.75, 0.9, 0.99)  # of a cue's values, where its knots are
 STIFFNESS = 1e-3
+SOIL_CHOICES = tuple(product((9, 15), (10.0, 15.0, 20.0, 30.0)))  # window_px, smooth_percentile
+THRESHOLDS = (0.35, 0.4, 0.45, 0.5)
+SPAN = 0.15  # on either side of the threshold, for the optimum of a window
+NECK_RATIOS = (0.0, 0.4, 0.5, 0.6)
 _STRIDE = 4  # every fourth pixel across and down: neighbours tell the same
+_CHOICE_STRIDE = 8  # while the soil is chosen
 
 
 @dataclass(frozen=True, eq=False)
-class RockSamples:
-    """Cues (K, N) and labels (N,) of sampled pixels of one picture."""
+class Example:
+    """A picture, grey (240, 320) or RGB (240, 320, 3), and its rock pixels (240, 320)."""
 
-    cues: SingleArray
+    picture: ByteArray
     rock: BoolArray
 
 
-def rock_samples(image: ByteArray, truth: BoolArray, know: Knowledge) -> RockSamples:
-    """Samples of a picture of any size with ``truth`` (240, 320), rock at the working size."""
-    import cv2
+@dataclass(frozen=True, eq=False)
+class _Smoothed:
+    """An example after the low-pass."""
 
-    picture = working_picture(image)
-    lab, _ = smoothed(picture, know.binarization.blur_px)
-    grey = picture if picture.ndim == 2 else np.asarray(cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY), dtype=np.uint8)
-    hidden = hidden_mask(grey, lab, None, know)
-    soil = soil_reference(lab, hidden, know.soil)
-    names = used_cues(know.cues, coloured=True)
-    window = know.binarization.roughness_window_px
-    planes = cue_planes(even_light(lab, soil), soil, names, know.cues.shade_compensation, window)
-    some = (slice(_STRIDE // 2, None, _STRIDE),) * 2
-    seen = ~hidden[some]
-    return RockSamples(planes[(slice(None), *some)][:, seen], truth[some][seen])
+    lab: SingleArray
+    grey: ByteArray
+    hidden: BoolArray
+    rock: BoolArray
 
 
-def learn_cues(samples: Sequence[RockSamples], know: Knowledge) -> Knowledge:
-    """``know`` with evidence that fits ``samples``; nothing else of it changes."""
-    values = np.concatenate([s.cues for s in samples], axis=1).astype(np.float64)
-    rock = np.concatenate([s.rock for s in samples])
-    knots = [quantile_knots(row, QUANTILES) for row in values]
-    fit = fit_additive(list(values), rock, knots, STIFFNESS)
+@dataclass(frozen=True, eq=False)
+class _Prepared:
+    """An example with its soil and its cues."""
+
+    lab: SingleArray  # evenly lit
+    grey: ByteArray
+    hidden: BoolArray
+    rock: BoolArray
+    soil: SoilReference
+    planes: Planes
+
+
+def learn_rocks(examples: Sequence[Example], know: Knowledge) -> Knowledge:
+    """``know`` with soil, cues, second cues and grey cues that fit ``examples``."""
+    smooth = [_smooth(one, know) for one in examples]
+    know = replace(know, soil=choose_soil(smooth, know))
+    ready = [_prepare(one, know) for one in smooth]
+    first = fit_cues(ready, FIRST_CUES)
+    shade = know.cues.shade_compensation
+    know = replace(know, cues=RockCues(bias=first.bias, shade_compensation=shade, **dict(first.named())))
+    for one in ready:
+        one.planes["likeness"] = colour_likeness(one.lab, evidence_score(one.planes, first), one.soil, one.hidden)
+    grey = [_prepare(_smooth(Example(to_grey(one.picture), one.rock), know), know) for one in examples]
+    know = replace(know, second_cues=fit_cues(ready, SECOND_CUES), grey_cues=fit_cues(grey, GREY_CUES))
+    return replace(know, binarization=choose_cuts(ready, know))
+
+
+def choose_soil(examples: Sequence[_Smoothed], know: Knowledge) -> SoilKnowledge:
+    """The soil of `SOIL_CHOICES` with which a first look fits ``examples`` best, by IoU of the sampled pixels."""
+    best, chosen = -1.0, know.soil
+    for window, percentile in SOIL_CHOICES:
+        soil = msgspec.structs.replace(know.soil, window_px=window, smooth_percentile=percentile)
+        ready = [_prepare(one, replace(know, soil=soil)) for one in examples]
+        fitted = _iou(ready, fit_cues(ready, FIRST_CUES, _CHOICE_STRIDE), know.binarization.threshold)
+        if fitted > best:
+            best, chosen = fitted, soil
+    return chosen
+
+
+def choose_cuts(ready: Sequence[_Prepared], know: Knowledge) -> Binarization:
+    """The threshold with which rock pixels fit best (IoU), then the neck ratio with which rock objects do (F1)."""
+    how, scores = know.binarization, []
+    for one in ready:
+        scores.append(evidence_score(one.planes, know.second_cues or know.cues))
+        scores[-1][one.hidden] = 0.0
+
+    def counts(how: Binarization) -> RockCounts:
+        masks = [rock_mask(score, one.grey, how) for score, one in zip(scores, ready, strict=True)]
+        blobs = [find_blobs(mask, how.min_area_px, how.neck_ratio) for mask in masks]
+        return sum((count_rocks(b.labels, one.rock) for b, one in zip(blobs, ready, strict=True)), RockCounts())
+
+    levels = [
+        msgspec.structs.replace(how, threshold=t, threshold_span=(round(t - SPAN, 3), round(t + SPAN, 3)))
+        for t in THRESHOLDS
+    ]
+    how = max(levels, key=lambda level: counts(level).iou)
+    necks = [msgspec.structs.replace(how, neck_ratio=ratio) for ratio in NECK_RATIOS]
+    return max(necks, key=lambda neck: counts(neck).object_f1)
+
+
+def fit_cues(ready: Sequence[_Prepared], names: Sequence[str], stride: int = _STRIDE) -> CueSet:
+    """Evidence of the cues ``names`` that fits the sampled pixels."""
+    values = [
+        np.concatenate([_sampled(one, one.planes[name], stride) for one in ready]).astype(float) for name in names
+    ]
+    rock = np.concatenate([_sampled(one, one.rock, stride) for one in ready])
+    fit = fit_additive(values, rock, [quantile_knots(row, QUANTILES) for row in values], STIFFNESS)
     cues = {
-        name: Cue(value=_rounded(k, 4), evidence=_rounded(e, 3))
-        for name, k, e in zip(used_cues(know.cues, coloured=True), fit.knots, fit.evidence, strict=True)
+        name: Cue(value=_rounded(knots), evidence=_rounded(evidence))
+        for name, knots, evidence in zip(names, fit.knots, fit.evidence, strict=True)
     }
-    learned = RockCues(bias=round(fit.bias, 3), shade_compensation=know.cues.shade_compensation, **cues)
-    return replace(know, cues=learned)
+    return CueSet(bias=_rounded(np.array([fit.bias]))[0], **cues)
 
 
-def cues_toml(cues: RockCues) -> str:
-    """The table ``[cues]`` of a knowledge file."""
-    lines = ["[cues]", f"bias = {cues.bias}", f"shade_compensation = {cues.shade_compensation}"]
+def to_grey(picture: ByteArray) -> ByteArray:
+    """``picture`` without its colour, (H, W)."""
+    return picture if picture.ndim == 2 else np.asarray(cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY), dtype=np.uint8)
+
+
+def learned_tables(know: Knowledge) -> dict[str, str]:
+    """The learned tables of a knowledge file, as TOML by name."""
+    tables = {name: f"[{name}]\n" + dump_toml(getattr(know, name)) for name in ("soil", "binarization")}
+    tables["cues"] = cues_toml("cues", know.cues)
+    for name in ("second_cues", "grey_cues"):
+        cues: CueSet | None = getattr(know, name)
+        if cues is not None:
+            tables[name] = cues_toml(name, cues)
+    return tables
+
+
+def cues_toml(table: str, cues: CueSet) -> str:
+    """The TOML table of ``cues``."""
+    lines = [f"[{table}]", f"bias = {cues.bias}"]
+    if isinstance(cues, RockCues):
+        lines.append(f"shade_compensation = {cues.shade_compensation}")
     for name, cue in cues.named():
         lines.append(f"{name} = {{ value = {list(cue.value)}, evidence = {list(cue.evidence)} }}")
     return "\n".join(lines) + "\n"
 
 
-def _rounded(values: FloatArray, digits: int) -> tuple[float, ...]:
-    return tuple(float(f"{value:.{digits}g}") for value in values)
+def _smooth(example: Example, know: Knowledge) -> _Smoothed:
+    lab, grey = smoothed(example.picture, know.binarization.blur_px)
+    return _Smoothed(lab, grey, hidden_mask(to_grey(example.picture), lab, None, know), example.rock)
+
+
+def _prepare(one: _Smoothed, know: Knowledge) -> _Prepared:
+    soil = soil_reference(one.lab, one.hidden, know.soil)
+    even = even_light(one.lab, soil)
+    window, shade = know.binarization.roughness_window_px, know.cues.shade_compensation
+    return _Prepared(even, one.grey, one.hidden, one.rock, soil, cue_planes(even, soil, FIRST_CUES, shade, window))
+
+
+def _sampled(one: _Prepared, plane: NDArray[Any], stride: int) -> NDArray[Any]:
+    """Seen pixels (N,) of ``plane`` (H, W) on a coarse grid."""
+    some = (slice(stride // 2, None, stride),) * 2
+    return np.asarray(plane[some][~one.hidden[some]])
+
+
+def _iou(ready: Sequence[_Prepared], cues: CueSet, threshold: float) -> float:
+    """Overlap of what scores over ``threshold`` with rock, over the sampled pixels of all pictures."""
+    both = either = 0
+    for one in ready:
+        planes = {name: _sampled(one, plane, _CHOICE_STRIDE)[None] for name, plane in one.planes.items()}
+        found, rock = evidence_score(planes, cues)[0] > threshold, _sampled(one, one.rock, _CHOICE_STRIDE)
+        both += int((found & rock).sum())
+        either += int((found | rock).sum())
+    return both / max(either, 1)
+
+
+def _rounded(values: FloatArray) -> tuple[float, ...]:
+    return tuple(float(f"{value:.4g}") for value in values)

@@ -154,7 +154,7 @@ def classify_blobs(
     grey: ByteArray, found: Binarized, hidden: BoolArray, know: Knowledge
 ) -> tuple[Blobs, NDArray[np.float64]]:
     """Blobs that pass for rocks, largest first, and their certainty (R,)."""
-    blobs = find_blobs(found.mask, know.binarization.min_area_px)
+    blobs = find_blobs(found.mask, know.binarization.min_area_px, know.binarization.neck_ratio)
     certainty = rock_certainty(blob_features(grey, found.score, blobs), know.rock_rules)
     sure = (certainty >= know.rock.min_certainty) & ~skyline_bands(blobs, hidden)
     return select(blobs, sure), certainty[sure]

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from perception.binarize import clean, close_edges, evidence_tables, threshold_map
+from perception.binarize import clean, close_edges, evidence_table, threshold_map
 from perception.blobs import find_blobs, select
 from perception.knowledge_base import load_knowledge
 from perception.pipeline import skyline_bands
@@ -120,13 +120,11 @@ def test_a_threshold_map_has_an_optimum_where_two_classes_are_and_no_seams() -> 
     assert np.abs(np.diff(found, axis=1)).max() < 0.02
 
 
-def test_evidence_tables_hold_the_knots() -> None:
-    tables = evidence_tables(KNOW.cues, ("lightness", "roughness"))
+def test_an_evidence_table_holds_the_knots() -> None:
     cue = dict(KNOW.cues.named())["lightness"]
+    table = evidence_table(cue.value, np.array(cue.evidence))
     for value, evidence in zip(cue.value, cue.evidence, strict=True):
-        place = round((value - tables[0, 0]) * tables[0, 1])
-        assert tables[0, 2 + int(place)] == pytest.approx(evidence, abs=0.05)
-    assert tables.shape[0] == 3  # the logistic curve last
+        assert table[2 + round((value - table[0]) * table[1])] == pytest.approx(evidence, abs=0.05)
 
 
 def test_a_strip_under_the_skyline_is_no_rock_but_a_boulder_there_is() -> None:

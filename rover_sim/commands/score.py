@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from rover_sim.arguments import worker_count
 from rover_sim.learning import KINDS
 from rover_sim.parallel import cores
 
@@ -23,7 +24,9 @@ def add_labels(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--images", type=Path, metavar="DIR", required=True, help="folder of pictures")
     parser.add_argument("--labels", type=Path, metavar="DIR", required=True, help="folder of their labels")
     parser.add_argument("--kind", choices=tuple(KINDS), default="rocks", help="of the labels (default: rocks)")
-    parser.add_argument("--workers", type=int, default=cores(), metavar="N", help="processes (default: all cores)")
+    parser.add_argument(
+        "--workers", type=worker_count, default=cores(), metavar="N", help="processes (default: all cores)"
+    )
 
 
 def execute(args: argparse.Namespace) -> int:

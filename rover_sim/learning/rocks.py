@@ -9,11 +9,11 @@ from itertools import chain
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 
+from perception.faithful import paper_rocks
 from perception.knowledge_base import Knowledge, load_knowledge
-from perception.learn_rocks import RockSamples, cues_toml, learn_cues, rock_samples
+from perception.learn_rocks import Example, learn_rocks, learned_tables, to_grey
 from perception.pipeline import examine, working_picture
 from perception.rock_score import RockCounts, count_rocks
 from perception.scenes import scene_groups
@@ -26,7 +26,11 @@ from rover_sim.report.rock_scores import save_rock_scores
 from worlds.types import BoolArray, ByteArray
 
 Pair = tuple[Path, Path]
-METHODS = {"colour": "pictures as they are", "grey": "the same turned grey"}
+METHODS = {
+    "colour": "pictures as they are",
+    "grey": "the same turned grey",
+    "paper": "by the paper's own means",
+}
 
 
 @dataclass(frozen=True)
@@ -56,8 +60,11 @@ def read_labelled(pair: Pair) -> tuple[ByteArray, BoolArray]:
 def score_picture(pair: Pair, knowledge: Knowledge) -> PictureScore:
     """Counts of one picture."""
     picture, truth = read_labelled(pair)
-    grey = picture if picture.ndim == 2 else np.asarray(cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY), dtype=np.uint8)
-    found = {"colour": examine(picture, knowledge).labels, "grey": examine(grey, knowledge).labels}
+    found = {
+        "colour": examine(picture, knowledge).labels,
+        "grey": examine(to_grey(picture), knowledge).labels,
+        "paper": paper_rocks(picture, knowledge),
+    }
     return PictureScore(pair[0].stem, {method: count_rocks(labels, truth) for method, labels in found.items()})
 
 
@@ -74,30 +81,35 @@ def learn(pairs: Sequence[Pair], base: str, out: Path, workers: int) -> list[str
     """Learn from labelled pictures: ``out`` (TOML) from all, its report from knowledge of the other scenes only."""
     output_folder(out.parent)
     know, text = load_knowledge(base), knowledge_text(base)
-    samples = over_cores(partial(_samples, knowledge=know), pairs, "reading", workers)
     groups = scene_groups([image.stem for image, _ in pairs])
     if groups.max(initial=0) < 1:
         raise InputError(f"--images {pairs[0][0].parent}: all pictures are of one scene; two or more are needed")
-    folds = [(pairs, samples, groups == group, know) for group in range(groups.max() + 1)]
-    scores = over_cores(_fold, folds, "cross-validating", workers)
-    rows = sorted(chain.from_iterable(scores), key=lambda row: row.name)
-    learned = learn_cues(samples, know)
-    write_text(out, replace_tables(text, {"cues": cues_toml(learned.cues)}))
+    # A fold a scene, and one that leaves none out: its knowledge is what ships.
+    folds = [Fold(tuple(pairs), tuple(groups != group), know) for group in range(groups.max() + 2)]
+    *parts, (learned, _) = over_cores(learn_fold, folds, "learning without one scene at a time", workers)
+    rows = sorted(chain.from_iterable(rows for _, rows in parts), key=lambda row: row.name)
+    write_text(out, replace_tables(text, learned_tables(learned)))
     load_knowledge(out)
-    report = {"kind": "rocks", "base": base, "cross_validated": True, "scenes": len(folds)}
-    _write_report(out.with_suffix(""), rows, report)
+    _write_report(
+        out.with_suffix(""), rows, {"kind": "rocks", "base": base, "cross_validated": True, "scenes": len(parts)}
+    )
     return score_lines(rows)
 
 
-def _samples(pair: Pair, knowledge: Knowledge) -> RockSamples:
-    return rock_samples(*read_labelled(pair), knowledge)
+@dataclass(frozen=True)
+class Fold:
+    """Which of the pictures teach; the others are scored."""
+
+    pairs: tuple[Pair, ...]
+    teaches: tuple[bool, ...]
+    base: Knowledge
 
 
-def _fold(fold: tuple[Sequence[Pair], Sequence[RockSamples], BoolArray, Knowledge]) -> list[PictureScore]:
-    """Scores of the pictures left out, by knowledge from all others."""
-    pairs, samples, left_out, know = fold
-    learned = learn_cues([s for s, out in zip(samples, left_out, strict=True) if not out], know)
-    return [score_picture(pair, learned) for pair, out in zip(pairs, left_out, strict=True) if out]
+def learn_fold(fold: Fold) -> tuple[Knowledge, list[PictureScore]]:
+    """Knowledge from the pictures that teach, and how well it does on the others."""
+    chosen = list(zip(fold.pairs, fold.teaches, strict=True))
+    learned = learn_rocks([Example(*read_labelled(pair)) for pair, teaches in chosen if teaches], fold.base)
+    return learned, [score_picture(pair, learned) for pair, teaches in chosen if not teaches]
 
 
 def summary(counts: Sequence[RockCounts]) -> dict[str, float]:
