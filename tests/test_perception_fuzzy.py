@@ -73,16 +73,16 @@ def edited(tmp_path: Path, old: str, new: str) -> Path:
 
 
 def test_own_files_load(tmp_path: Path) -> None:
-    mine: Knowledge = load_knowledge(edited(tmp_path, "threshold = 0.45", "threshold = 0.5"))
-    assert mine.binarization.threshold == 0.5
+    mine: Knowledge = load_knowledge(edited(tmp_path, "min_area_px = 80", "min_area_px = 90"))
+    assert mine.binarization.min_area_px == 90
 
 
 @pytest.mark.parametrize(
     ("old", "new", "told"),
     [
         ("min_area_px = 80", "min_aera_px = 80", "min_aera_px"),
-        ("threshold = 0.45", "threshold = 1.45", "binarization.threshold = 1.45"),
-        ("value = [-30.6, -3.6", "value = [-3.6, -30.6", "cues.lightness: value must rise"),
+        ("min_area_px = 80", "min_area_px = 0", "binarization.min_area_px = 0"),
+        ("lightness = { value = [", "lightness = { value = [99.0, ", "cues.lightness: value must rise"),
         ('strength = "strong"', 'strength = "mighty"', "mighty"),
         ("[rock_rules.input.energy]", "[rock_rules.input.enery]", "enery"),
         ('name = "mars"', "name = ", "not valid TOML"),
