@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 import cv2
 import numpy as np
@@ -22,13 +21,13 @@ from rover_sim.picture_result import result_table, verification_table
 from rover_sim.pictures import read_picture
 from rover_sim.report.perceived_overlay import draw_overlay
 from rover_sim.report.virtual_terrain import terrain_glb
-from rover_sim.sim.rover import RoverModel, load_rover
+from rover_sim.sim.rover import load_rover
 from rover_sim.verdict import Verdict
 from rover_sim.verify import Check, drive_way
 from rover_sim.virtual_terrain import unseen_m, virtual_scenario, way_ahead
 from worlds.build import build_world
 from worlds.scenario import dump_scenario
-from worlds.types import ByteArray
+from worlds.types import ByteArray, Footprint
 
 ROVER = "husky"
 SEED = 0  # of the sensors' noise in a verification
@@ -53,6 +52,23 @@ class Report:
     verified: int = 0  # paths
 
 
+@dataclass(frozen=True, eq=False)
+class _Scene:
+    """One picture, what it showed and what was planned in it."""
+
+    path: Path
+    target: Path  # folder and stem of its files
+    found: Perception
+    view: View
+    paths: tuple[PicturePath, ...]
+    footprint: Footprint
+    reach_m: float
+
+    def file(self, ending: str) -> Path:
+        """One of its files."""
+        return self.target.with_name(f"{self.target.name}{ending}")
+
+
 def report_picture(order: Order, path: Path) -> Report:
     """Write all results of one picture; a picture that cannot be read makes a fault."""
     try:
@@ -61,31 +77,26 @@ def report_picture(order: Order, path: Path) -> Report:
         view = camera_view(order.camera or default_camera(size), size, str(path))
     except InputError as error:
         return Report(fault=str(error))
-    knowledge, rover = _knowledge(order.knowledge), load_rover(ROVER)
-    # An assumed camera knows nothing of this picture's horizon.
-    seen = examine(picture, knowledge, view if order.camera else None)
-    found = on_ground(seen, view, 0.0, knowledge)
-    assert found.observation is not None
-    paths = picture_paths(found.observation, view, rover.footprint())
-    table: dict[str, Any] = {
+    scene = _look(order, path, picture, view)
+    table = {
         "image": path.name,
-        **result_table(found, paths, size, order.camera, knowledge.name),
+        **result_table(scene.found, scene.paths, size, order.camera, _knowledge(order.knowledge).name),
     }
-    target = order.folder / path.stem
-    _write_terrain(target, path.stem, found, view, paths, rover, knowledge)
+    _write_terrain(scene)
     checks: list[Check] = []
     if order.verify:
-        checks, under = _check(path.stem, found, view, paths, rover, knowledge)
+        checks, under = _check(scene)
         table["verification"] = verification_table(ROVER, checks, under, metric=order.camera is not None)
-    overlay = draw_overlay(picture, found, [item.points_px for item in paths], [check.verdict for check in checks])
-    mask = np.asarray(cv2.resize(found.mask * np.uint8(255), size, interpolation=cv2.INTER_NEAREST), dtype=np.uint8)
-    _write_png(target, "_rocks.png", mask)
-    _write_png(target, "_overlay.png", overlay[..., ::-1])
+    pixels = [item.points_px for item in scene.paths]
+    overlay = draw_overlay(picture, scene.found, pixels, [check.verdict for check in checks])
+    mask = cv2.resize(scene.found.mask * np.uint8(255), size, interpolation=cv2.INTER_NEAREST)
+    _write_png(scene.file("_rocks.png"), np.asarray(mask, dtype=np.uint8))
+    _write_png(scene.file("_overlay.png"), overlay[..., ::-1])
+    scene.file("_verify.png").unlink(missing_ok=True)  # an earlier run's says nothing of this one
     if order.verify:
-        _write_map(target, path.name, overlay, found, view, paths, checks, rover, knowledge, order)
-    write_json(target.with_name(f"{path.stem}.json"), table)
-    line = _line(path.name, found, paths, table["classes"], checks if order.verify else None)
-    return Report(line, verified=_count(checks))
+        _write_map(scene, overlay, checks, known_camera=order.camera is not None)
+    write_json(scene.file(".json"), table)
+    return Report(_line(scene, checks if order.verify else None), verified=_count(checks))
 
 
 @cache
@@ -93,79 +104,63 @@ def _knowledge(name: str) -> Knowledge:
     return load_knowledge(name)
 
 
-def _write_terrain(
-    target: Path,
-    name: str,
-    found: Perception,
-    view: View,
-    paths: Sequence[PicturePath],
-    rover: RoverModel,
-    knowledge: Knowledge,
-) -> None:
+def _look(order: Order, path: Path, picture: ByteArray, view: View) -> _Scene:
+    """What a picture shows, and paths in it."""
+    knowledge, footprint = _knowledge(order.knowledge), load_rover(ROVER).footprint()
+    # An assumed camera knows nothing of this picture's horizon.
+    seen = examine(picture, knowledge, view if order.camera else None)
+    found = on_ground(seen, view, 0.0, knowledge)
+    assert found.observation is not None
+    paths = picture_paths(found.observation, view, footprint)
+    return _Scene(path, order.folder / path.stem, found, view, paths, footprint, knowledge.ground.max_range_m)
+
+
+def _write_terrain(scene: _Scene) -> None:
     """The virtual terrain model as glTF and as a scenario."""
-    reach = knowledge.ground.max_range_m
-    with atomic_path(target.with_name(f"{target.name}_terrain.glb")) as temporary:
-        temporary.write_bytes(terrain_glb(found, view, [path.points_w for path in paths], reach))
+    found, view = scene.found, scene.view
+    with atomic_path(scene.file("_terrain.glb")) as temporary:
+        temporary.write_bytes(terrain_glb(found, view, [path.points_w for path in scene.paths], scene.reach_m))
     # Without a path the goal is what could not be reached, so that `run` can try it from nearer.
-    way = paths[0].whole_w if paths else way_ahead(found, view, GOAL_RANGE_M)
-    scenario, _ = virtual_scenario(name, found, view, ROVER, rover.footprint(), way, reach)
-    write_text(target.with_name(f"{target.name}_scenario.toml"), dump_scenario(scenario))
+    way = scene.paths[0].whole_w if scene.paths else way_ahead(found, view, GOAL_RANGE_M)
+    scenario, _ = virtual_scenario(scene.path.stem, found, view, ROVER, scene.footprint, way, scene.reach_m)
+    write_text(scene.file("_scenario.toml"), dump_scenario(scenario))
 
 
-def _check(
-    name: str, found: Perception, view: View, paths: Sequence[PicturePath], rover: RoverModel, knowledge: Knowledge
-) -> tuple[list[Check], tuple[int, ...]]:
+def _check(scene: _Scene) -> tuple[list[Check], tuple[int, ...]]:
     """Every path driven through the virtual terrain, and the rocks left out of it."""
+    found, view, rover = scene.found, scene.view, load_rover(ROVER)
     checks: list[Check] = []
     under: tuple[int, ...] = ()
-    for path in paths:
-        reach = knowledge.ground.max_range_m
-        scenario, under = virtual_scenario(name, found, view, ROVER, rover.footprint(), path.whole_w, reach)
+    for path in scene.paths:
+        scenario, under = virtual_scenario(
+            scene.path.stem, found, view, ROVER, scene.footprint, path.whole_w, scene.reach_m
+        )
         points = tuple((float(x), float(y)) for x, y in path.whole_w)
         drive = drive_way(build_world(scenario, SEED), rover, Way(points, path.traversability))
-        checks.append(Check(drive, unseen_m(found, view, drive.track_w, reach)))
+        checks.append(Check(drive, unseen_m(found, view, drive.track_w, scene.reach_m)))
     return checks, under
 
 
-def _write_map(
-    target: Path,
-    name: str,
-    overlay: ByteArray,
-    found: Perception,
-    view: View,
-    paths: Sequence[PicturePath],
-    checks: Sequence[Check],
-    rover: RoverModel,
-    knowledge: Knowledge,
-    order: Order,
-) -> None:
+def _write_map(scene: _Scene, overlay: ByteArray, checks: Sequence[Check], *, known_camera: bool) -> None:
     from rover_sim.report.verify_map import save_verify_map
 
-    scale = "camera file" if order.camera else "assumed camera: the scale is a guess"
-    title = f"{name}: {_count(checks)} of {len(checks)} paths verified ({scale})"
+    scale = "camera file" if known_camera else "assumed camera: the scale is a guess"
+    title = f"{scene.path.name}: {_count(checks)} of {len(checks)} paths verified ({scale})"
+    driven = [(path.whole_w, check) for path, check in zip(scene.paths, checks, strict=True)]
     save_verify_map(
-        target.with_name(f"{target.name}_verify.png"),
-        overlay,
-        found,
-        view,
-        [(path.whole_w, check) for path, check in zip(paths, checks, strict=True)],
-        rover.footprint(),
-        knowledge.ground.max_range_m,
-        title,
+        scene.file("_verify.png"), overlay, scene.found, scene.view, driven, scene.footprint, scene.reach_m, title
     )
 
 
-def _write_png(target: Path, ending: str, picture: ByteArray) -> None:
-    with atomic_path(target.with_name(f"{target.name}{ending}")) as temporary:
+def _write_png(path: Path, picture: ByteArray) -> None:
+    with atomic_path(path) as temporary:
         temporary.write_bytes(cv2.imencode(".png", picture)[1].tobytes())
 
 
-def _line(
-    name: str, found: Perception, paths: Sequence[PicturePath], rows: Sequence[str], checks: Sequence[Check] | None
-) -> str:
-    letters = "".join(rows)
+def _line(scene: _Scene, checks: Sequence[Check] | None) -> str:
+    letters = "".join(scene.found.classes.ravel().tolist())
     counts = " ".join(f"{letter} {letters.count(letter)}" for letter in "SVmMBU" if letter in letters)
-    line = f"{name}: {len(found.rocks)} rocks, {len(paths)} paths, classes {counts}"
+    line = f"{scene.path.name}: {len(scene.found.rocks)} rocks, {len(scene.paths)} paths, classes {counts}"
     if checks is None:
         return line
     return f"{line}; {', '.join(map(_verdict, range(1, len(checks) + 1), checks)) or 'no path is free'}"

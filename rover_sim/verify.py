@@ -17,6 +17,7 @@ from rover_sim.given_way import Way
 from rover_sim.outcome import Reason
 from rover_sim.sim.rover import RoverModel
 from rover_sim.traverse import RunOptions, Traverse
+from rover_sim.trials.drive import violations
 from rover_sim.verdict import Verdict
 from worlds.geometry import rotation_from_quaternion
 from worlds.rock_shape import outlines
@@ -45,7 +46,7 @@ class Drive:
     """One path as it was driven."""
 
     safe: bool
-    figures: Mapping[str, Any]  # FIGURES, ``largest_cross_track_m`` and ``clearance_m``
+    figures: Mapping[str, Any]  # FIGURES, ``largest_cross_track_m``, ``clearance_m`` and ``violations``
     track_w: FloatArray  # (N, 2) true places of the rover
 
 
@@ -77,7 +78,8 @@ class Check:
 def drive_way(world: World, rover: RoverModel, way: Way) -> Drive:
     """Drive ``way`` in ``world``, whose start is the way's first point and whose goal is its last.
 
-    Safe: the end reached, no rock touched by the hull, the tilt within 30 degrees and never on the point of tipping.
+    Safe: the end reached, none of the violations that trials count (tip, collision, belly, drop), the tilt within 30
+    degrees.
     """
     with Traverse(world, rover, RunOptions(way=way)) as traverse:
         summary = traverse.run()
@@ -87,15 +89,14 @@ def drive_way(world: World, rover: RoverModel, way: Way) -> Drive:
     figures["largest_cross_track_m"] = round(float(cross_track_m(track, np.array(way.points_w)).max()), 4)
     clearance = clearance_m(world, rover.footprint(), trace)
     figures["clearance_m"] = None if clearance is None else round(clearance, 4)
-    safe = summary["success"] and not summary["collisions"] and summary["max_tilt_deg"] <= MOST_TILT_DEG
-    return Drive(bool(safe and summary["min_stability_margin"] > 0.0), figures, track)
+    figures["violations"] = violations(summary, trace, world.scenario.gravity_m_s2)
+    safe = summary["success"] and not figures["violations"] and summary["max_tilt_deg"] <= MOST_TILT_DEG
+    return Drive(bool(safe), figures, track)
 
 
 def _unsafe(figures: Mapping[str, Any]) -> str:
     """Why a drive that reached its end was not safe."""
-    if figures["collisions"]:
-        return "touched a rock"
-    return "leaned too far" if figures["max_tilt_deg"] > MOST_TILT_DEG else "nearly tipped"
+    return ", ".join(figures["violations"]) or "leaned too far"
 
 
 def cross_track_m(track_w: FloatArray, way_w: FloatArray) -> FloatArray:

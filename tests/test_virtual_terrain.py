@@ -216,13 +216,12 @@ def test_unseen_ground_is_what_the_picture_does_not_show(seen: tuple[Perception,
         (True, {}, 0.3, "unseen", ""),
         (True, {"clearance_m": -0.01}, 0.0, "failed", "over a rock too high to climb"),
         (False, {"reason": "timeout"}, 0.0, "failed", "timeout"),
-        (False, {"collisions": 1}, 0.3, "failed", "touched a rock"),
+        (False, {"violations": ["collision", "belly"]}, 0.3, "failed", "collision, belly"),
         (False, {"max_tilt_deg": 31.0}, 0.0, "failed", "leaned too far"),
-        (False, {"min_stability_margin": -0.1}, 0.0, "failed", "nearly tipped"),
     ],
 )
 def test_verdicts(safe: bool, changed: dict[str, object], unseen: float, verdict: str, fault: str) -> None:
-    figures = {"reason": "goal", "collisions": 0, "max_tilt_deg": 3.0, "min_stability_margin": 0.2, "clearance_m": None}
+    figures = {"reason": "goal", "violations": [], "max_tilt_deg": 3.0, "clearance_m": None}
     check = Check(Drive(safe, figures | changed, np.zeros((1, 2))), unseen)
     assert (check.verdict.value, check.fault) == (verdict, fault)
 
