@@ -21,6 +21,7 @@ from perception.rock_geometry import RockOutlines, outlines
 from perception.rock_placement import View, place_rocks
 from perception.sky import sky_mask
 from perception.soil_reference import even_light, soil_reference
+from perception.stereo import StereoView, depth_picture, refined
 from perception.terrain_class import classify, window_features
 from worlds.types import BoolArray, ByteArray, Frame, IntArray, Observation, PerceivedRock
 
@@ -71,7 +72,8 @@ def perceive(frame: Frame, knowledge: Knowledge, covered: BoolArray | None = Non
     if frame.camera_pose is None or frame.ground is None:
         return examine(frame.image, knowledge)
     view = View(frame.camera, frame.camera_pose, frame.ground)
-    return on_ground(examine(frame.image, knowledge, view, covered), view, frame.time_s, knowledge)
+    found = on_ground(examine(frame.image, knowledge, view, covered), view, frame.time_s, knowledge)
+    return found if frame.right is None else with_second_eye(found, view, frame.image, frame.right, frame.baseline_m)
 
 
 def examine(
@@ -115,6 +117,20 @@ def on_ground(found: Perception, view: View, time_s: float, knowledge: Knowledge
     )
     rocks = tuple(replace(rock, placed=place) for rock, place in zip(found.rocks, placed, strict=True))
     return replace(found, rocks=rocks, observation=observation)
+
+
+def with_second_eye(found: Perception, view: View, left: ByteArray, right: ByteArray, baseline_m: float) -> Perception:
+    """The same with its placed rocks moved to where a second camera, to the right of the first, sees them."""
+    assert found.observation is not None
+    focal_px = view.camera.focal_px / found.scale[0]
+    depth = depth_picture(working_picture(left), working_picture(right), focal_px, baseline_m)
+    eyes = StereoView(view, found.scale, focal_px * baseline_m)
+    rocks = tuple(
+        replace(rock, placed=refined(rock.placed, depth, found.labels == rock.id, eyes)) if rock.placed else rock
+        for rock in found.rocks
+    )
+    placed = tuple(rock.placed for rock in rocks if rock.placed is not None)
+    return replace(found, rocks=rocks, observation=replace(found.observation, rocks=placed))
 
 
 def working_picture(image: ByteArray) -> ByteArray:

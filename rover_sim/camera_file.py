@@ -27,6 +27,7 @@ _LIMITS: Limits = {
     "lens.centre_px": (-1e6, 1e6),
     "lens.coefficients": (-1e4, 1e4),
     "lens.reprojection_px": (0.0, 1e4),
+    "stereo.baseline_m": (1e-3, 100.0),
 }
 _SHAPE_TOLERANCE = 0.01  # of the aspect ratio
 
@@ -41,6 +42,12 @@ class LensTable(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only
     reprojection_px: float | None = None  # of the calibration, rms
 
 
+class StereoTable(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """A second, equal camera to the right of the first, its axes parallel."""
+
+    baseline_m: float
+
+
 class CameraFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
     """A camera over level ground, ``pitch_deg`` positive looking down.
 
@@ -53,6 +60,7 @@ class CameraFile(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_onl
     pitch_deg: float
     height_m: float
     lens: LensTable | None = None
+    stereo: StereoTable | None = None
 
 
 def load_camera(path: Path) -> CameraFile:
@@ -72,6 +80,15 @@ def _check_lens(lens: LensTable, path: Path) -> None:
         raise InputError(
             f"{path}: lens.coefficients has {len(lens.coefficients)} numbers; the model {lens.model} has {wanted}"
         )
+
+
+def baseline_m(camera: CameraFile | None) -> float:
+    """Distance of the two cameras of a pair; InputError where the file does not describe one that can be used."""
+    if camera is None or camera.stereo is None:
+        raise InputError("--right: needs a --camera file with a table [stereo] that holds baseline_m")
+    if camera.lens is not None:
+        raise InputError("--right: pairs are matched along rows; give pictures without distortion and no [lens]")
+    return camera.stereo.baseline_m
 
 
 def default_camera(size: tuple[int, int]) -> CameraFile:

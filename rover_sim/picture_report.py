@@ -11,8 +11,8 @@ import cv2
 import numpy as np
 
 from perception.knowledge_base import Knowledge, load_knowledge
-from perception.pipeline import Perception, View, examine, on_ground
-from rover_sim.camera_file import CameraFile, camera_view, default_camera
+from perception.pipeline import Perception, View, examine, on_ground, with_second_eye
+from rover_sim.camera_file import CameraFile, baseline_m, camera_view, default_camera
 from rover_sim.errors import InputError
 from rover_sim.files import atomic_path, write_json, write_text
 from rover_sim.given_way import Way
@@ -41,6 +41,7 @@ class Order:
     knowledge: str
     camera: CameraFile | None
     verify: bool = False
+    right: Path | None = None  # picture of a second camera
 
 
 @dataclass(frozen=True)
@@ -75,9 +76,10 @@ def report_picture(order: Order, path: Path) -> Report:
         picture = read_picture(path)
         size = (picture.shape[1], picture.shape[0])
         view = camera_view(order.camera or default_camera(size), size, str(path))
+        right = _second_picture(order.right, picture, path) if order.right else None
     except InputError as error:
         return Report(fault=str(error))
-    scene = _look(order, path, picture, view)
+    scene = _look(order, path, picture, right, view)
     table = {
         "image": path.name,
         **result_table(scene.found, scene.paths, size, order.camera, _knowledge(order.knowledge).name),
@@ -99,17 +101,27 @@ def report_picture(order: Order, path: Path) -> Report:
     return Report(_line(scene, checks if order.verify else None), verified=_count(checks))
 
 
+def _second_picture(path: Path, left: ByteArray, left_path: Path) -> ByteArray:
+    right = read_picture(path)
+    if right.shape[:2] != left.shape[:2]:
+        sizes = f"is {right.shape[1]} x {right.shape[0]} px, {left_path} is {left.shape[1]} x {left.shape[0]}"
+        raise InputError(f"{path}: {sizes}; both pictures of a pair must have one size")
+    return right
+
+
 @cache
 def _knowledge(name: str) -> Knowledge:
     return load_knowledge(name)
 
 
-def _look(order: Order, path: Path, picture: ByteArray, view: View) -> _Scene:
-    """What a picture shows, and paths in it."""
+def _look(order: Order, path: Path, picture: ByteArray, right: ByteArray | None, view: View) -> _Scene:
+    """What a picture shows, with the help of a second one where there is one, and paths in it."""
     knowledge, footprint = _knowledge(order.knowledge), load_rover(ROVER).footprint()
     # An assumed camera knows nothing of this picture's horizon.
     seen = examine(picture, knowledge, view if order.camera else None)
     found = on_ground(seen, view, 0.0, knowledge)
+    if right is not None:
+        found = with_second_eye(found, view, picture, right, baseline_m(order.camera))
     assert found.observation is not None
     paths = picture_paths(found.observation, view, footprint)
     return _Scene(path, order.folder / path.stem, found, view, paths, footprint, knowledge.ground.max_range_m)

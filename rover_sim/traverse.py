@@ -33,13 +33,14 @@ from rover_sim.sim.ruts import SavedRuts
 from rover_sim.sim.simulation import Simulation
 from rover_sim.sim.vehicle_state import VehicleState, trace_columns
 from rover_sim.summary import Identity, summarize
-from worlds.geometry import camera_pose, rotation_from_quaternion
+from worlds.geometry import camera_pose, rotation_from_quaternion, to_the_right
 from worlds.types import Footprint, Frame, Pose, RangeScan, Vector3, World
 
 STEPS_PER_S = 240
 CONTROL_STEPS = 5  # sensors, estimate, autopilot and link at 48 Hz
 TRACE_STEPS = 10  # trace and judge at 24 Hz
 TURN_SHARE = 0.8  # of the rover's fastest turn, for turns on the spot
+STEREO_BASELINE_M = 0.12
 LASER_SD_M = 0.02  # that the rover believes of its scanner
 MARS_M_S2 = 3.71  # the autopilot's own limits are meant for it
 LINK_GRACE_S = 5.0  # the first heartbeats need not have come before
@@ -237,13 +238,20 @@ class Traverse:
         """A picture from where the camera truly is, judged from where the rover believes it to be."""
         time_s, camera = self._simulation.time_s, self._camera
         true_pose = camera_pose(self._simulation.state.pose, camera)
-        rendered = renderer.render(camera, true_pose)
+        rendered, right = renderer.render(camera, true_pose), None
+        noise = self.world.scenario.camera.noise
+        image = add_noise(rendered.image, noise, self._camera_rng)
+        if self.world.scenario.sensors.stereo:
+            beside = renderer.render(camera, to_the_right(true_pose, STEREO_BASELINE_M))
+            right = add_noise(beside.image, noise, self._camera_rng)
         frame = Frame(
             time_s=time_s,
-            image=add_noise(rendered.image, self.world.scenario.camera.noise, self._camera_rng),
+            image=image,
             camera=camera,
             camera_pose=camera_pose(self._estimate.pose, camera),
             ground=localization.ground_plane(self._located, self._footprint.wheel_radius_m),
+            right=right,
+            baseline_m=STEREO_BASELINE_M,
         )
         sight = computer.look(frame, self._estimate, time_s)
         clasts = renderer.clasts(camera, true_pose, rendered)

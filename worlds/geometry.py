@@ -80,3 +80,8 @@ def camera_pose(body: Pose, camera: CameraModel) -> Pose:
     body_in_world = rotation_from_quaternion(body.quaternion_w)
     position = body.position_w + body_in_world @ np.asarray(camera.position_b)
     return Pose(position, quaternion_from_rotation(body_in_world @ camera_in_body))
+
+
+def to_the_right(pose: Pose, distance_m: float) -> Pose:
+    """Pose of a camera ``distance_m`` along the first axis (right) of another, its axes parallel."""
+    return Pose(pose.position_w + distance_m * rotation_from_quaternion(pose.quaternion_w)[:, 0], pose.quaternion_w)

@@ -238,6 +238,8 @@ class Frame:
     camera: CameraModel
     camera_pose: Pose | None = None  # turns camera axes into world; None for a picture from anywhere
     ground: GroundPlane | None = None
+    right: ByteArray | None = None  # of a second, equal camera to the right of it, its axes parallel
+    baseline_m: float = 0.0  # between the two
 
 
 @dataclass(frozen=True)

@@ -39,6 +39,12 @@ def configure(parser: argparse.ArgumentParser) -> None:
         "it a default camera is assumed and neither rocks nor waypoints are reported in metres",
     )
     parser.add_argument(
+        "--right",
+        type=Path,
+        metavar="IMAGE",
+        help="the same moment by a second camera to the right; the camera file then has [stereo] with baseline_m",
+    )
+    parser.add_argument(
         "--verify",
         action="store_true",
         help="drive every path in the virtual terrain of its picture; exit code 1 if a picture has no verified path",
@@ -57,7 +63,7 @@ def execute(args: argparse.Namespace) -> int:
     input, was wrong. A wrong picture among others is one line, and the others are done.
     """
     from perception.knowledge_base import load_knowledge
-    from rover_sim.camera_file import load_camera
+    from rover_sim.camera_file import baseline_m, load_camera
     from rover_sim.files import output_folder
     from rover_sim.picture_report import Order
 
@@ -65,7 +71,11 @@ def execute(args: argparse.Namespace) -> int:
     check_names(images, args.out, (*OUTPUTS, *VERIFY_OUTPUTS) if args.verify else OUTPUTS)
     load_knowledge(args.knowledge)  # its faults are told before any picture is read
     camera = load_camera(args.camera) if args.camera else None
-    order = Order(output_folder(args.out), args.knowledge, camera, verify=args.verify)
+    if args.right is not None:
+        baseline_m(camera)
+        if len(images) > 1:
+            raise InputError(f"--right {args.right}: belongs to one picture, and {len(images)} are given")
+    order = Order(output_folder(args.out), args.knowledge, camera, verify=args.verify, right=args.right)
     if args.verify and camera is None:
         _tell(_assumption())
     reports = _reports(images, order, args.workers)

@@ -1,0 +1,153 @@
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+import pytest
+
+from perception.camera import project
+from perception.ground import ground_points
+from perception.knowledge_base import load_knowledge
+from perception.pipeline import Perception, View, perceive
+from perception.stereo import StereoView, depth_picture, refined
+from rover_sim.cli import main
+from rover_sim.learning.rendered_views import make_world, rendered_views
+from rover_sim.sim.renderer import make_renderer
+from tests.test_perception_command import CAMERA_TOML, run
+from worlds.geometry import camera_pose, quaternion_from_euler, to_the_right
+from worlds.types import CameraModel, FloatArray, Frame, GroundPlane, PerceivedRock, Pose
+
+CAMERA = CameraModel(320, 240, 200.0, (0.0, 0.0, 1.0), float(np.deg2rad(45.0)))
+POSE = camera_pose(Pose(np.zeros(3), quaternion_from_euler(0.0, 0.0, 0.0)), CAMERA)
+VIEW = View(CAMERA, POSE, GroundPlane(np.zeros(3), np.array([0.0, 0.0, 1.0])))
+EYES = StereoView(VIEW, (1.0, 1.0), 200.0 * 0.12)
+ROCK = PerceivedRock((1.0, 0.0, 0.0), 0.4, 0.3, 0.2, 0.0, 0.9, 0, 1.0, 0.1)
+
+
+def test_a_shifted_picture_has_the_depth_of_its_shift() -> None:
+    wall = cv2.GaussianBlur(np.random.default_rng(0).integers(0, 256, (240, 340), dtype=np.uint8), (0, 0), 1.2)
+    left, right = np.asarray(wall[:, :320], np.uint8), np.asarray(wall[:, 8:328], np.uint8)
+    depth = depth_picture(left, right, 200.0, 0.12)
+    assert depth.shape == (240, 320)
+    assert np.isfinite(depth[:, 16:]).mean() > 0.95
+    assert np.nanmedian(depth) == pytest.approx(200.0 * 0.12 / 8.0, rel=0.01)
+
+
+def test_without_texture_nothing_is_matched_and_the_rock_stays() -> None:
+    flat = np.full((240, 320), 90, np.uint8)
+    shown = np.zeros((240, 320), bool)
+    shown[100:120, 150:170] = True
+    nothing = np.full((240, 320), np.nan)
+    assert refined(ROCK, nothing, shown, EYES) == ROCK
+    assert depth_picture(flat, flat, 200.0, 0.12).shape == (240, 320)
+
+
+def test_a_rock_seen_nearer_is_smaller_and_higher_as_worked_by_hand() -> None:
+    # The middle of the picture looks 45 degrees down: its ground is sqrt(2) deep. Seen at half of that.
+    shown = np.zeros((240, 320), bool)
+    shown[100:120, 150:170] = True
+    depth = np.full((240, 320), np.sqrt(2.0) / 2.0)
+    unsure = replace(ROCK, position_sd_m=1e3)
+    moved = refined(unsure, depth, shown, EYES)
+    assert moved.position_w == pytest.approx((0.5, 0.0, 0.5), abs=1e-3)
+    assert (moved.length_m, moved.width_m, moved.height_m) == pytest.approx((0.2, 0.15, 0.1), abs=1e-3)
+    assert moved.position_sd_m == pytest.approx(np.hypot(0.05, 0.35 * 0.5 / 24.0), rel=1e-3)
+    sure = refined(replace(ROCK, position_sd_m=1e-6), depth, shown, EYES)
+    assert sure.position_w == pytest.approx(ROCK.position_w, abs=1e-6)
+
+
+def test_two_eyes_place_rendered_rocks_on_rolling_ground_better_than_one() -> None:
+    world, knowledge = make_world(311, 0.06), load_knowledge("rendered")
+    renderer = make_renderer(world)
+    off: dict[str, list[float]] = {"one": [], "two": []}
+    for view in rendered_views(world, 3):
+        assert view.frame.camera_pose is not None
+        right = renderer.render(view.frame.camera, to_the_right(view.frame.camera_pose, 0.12)).image
+        frames = {"one": view.frame, "two": replace(view.frame, right=right, baseline_m=0.12)}
+        for name, frame in frames.items():
+            found = perceive(frame, knowledge)
+            assert found.observation is not None
+            assert found.observation.rocks == tuple(rock.placed for rock in found.rocks if rock.placed)
+            for rock in found.rocks:
+                owners = np.bincount(np.maximum(view.truth.ids[found.labels == rock.id], 0))
+                row = np.flatnonzero(view.rocks.ids == owners.argmax())
+                if rock.placed is not None and len(row) and view.rocks.range_m[row[0]] > 2.5:
+                    place = np.array(rock.placed.position_w)[:2] - view.rocks.position_w[row[0], :2]
+                    off[name].append(float(np.hypot(*place)))
+    assert len(off["two"]) > 8
+    assert np.median(off["two"]) < 0.6 * np.median(off["one"])
+
+
+def test_the_command_takes_a_pair(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    world = make_world(311, 0.06)
+    view = next(iter(rendered_views(world, 1)))
+    assert view.frame.camera_pose is not None
+    right = make_renderer(world).render(view.frame.camera, to_the_right(view.frame.camera_pose, 0.12)).image
+    for name, picture in (("l.png", view.frame.image), ("r.png", right), ("s.png", right[::2, ::2])):
+        cv2.imwrite(str(tmp_path / name), picture[..., ::-1])
+    camera, left, second = tmp_path / "camera.toml", tmp_path / "l.png", tmp_path / "r.png"
+    camera.write_text(CAMERA_TOML + "[stereo]\nbaseline_m = 0.12\n", encoding="utf-8")
+    words = (left, "--camera", camera, "--knowledge", "rendered", "--out")
+    assert run(*words, tmp_path / "one") == 0
+    assert run(*words, tmp_path / "two", "--right", second) == 0
+    one, two = (
+        json.loads((tmp_path / name / "l.json").read_text(encoding="utf-8"))["rocks"] for name in ("one", "two")
+    )
+    assert len(one) == len(two)
+    assert any(a["position_m"] != b["position_m"] for a, b in zip(one, two, strict=True) if "position_m" in a)
+    capsys.readouterr()
+    for extra, told in (
+        (("--right", tmp_path / "s.png"), "is 160 x 120 px"),
+        (("--right", tmp_path / "gone.png"), "gone.png"),
+    ):
+        assert run(*words, tmp_path / "three", *extra) == 2
+        assert told in capsys.readouterr().err
+    assert run(second, *words, tmp_path / "three", "--right", second) == 2
+    assert "belongs to one picture" in capsys.readouterr().err
+    camera.write_text(CAMERA_TOML, encoding="utf-8")
+    assert run(*words, tmp_path / "four", "--right", second) == 2
+    assert "baseline_m" in capsys.readouterr().err
+
+
+SHORT = """name = "pair"
+[terrain]
+kind = "flat"
+size_m = [24.0, 24.0]
+[goal]
+position_m = [8.0, 0.0]
+time_limit_s = 2.0
+"""
+
+
+@pytest.mark.parametrize("stereo", [False, True])
+def test_a_run_with_two_cameras_sees_by_both(tmp_path: Path, stereo: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    looks: list[Frame] = []
+
+    def noted(frame: Frame, *rest: Any) -> Perception:
+        looks.append(frame)
+        return perceive(frame, *rest)
+
+    monkeypatch.setattr("rover_sim.onboard.perceive", noted)
+    scenario = tmp_path / "pair.toml"
+    scenario.write_text(SHORT + f"[sensors]\nstereo = {str(stereo).lower()}\n", encoding="utf-8")
+    assert main(["run", str(scenario), "--seed", "3", "--out", str(tmp_path / "out")]) == 1
+    assert len(looks) >= 2
+    assert all((look.right is not None) == stereo for look in looks)
+    if stereo:
+        right = looks[0].right
+        assert right is not None
+        depth = depth_picture(looks[0].image, right, looks[0].camera.focal_px, 0.12)
+        # The lower edge of the picture shows flat ground.
+        assert np.nanmedian(depth[-20:]) == pytest.approx(np.nanmedian(_flat_depth(looks[0])[-20:]), rel=0.05)
+
+
+def _flat_depth(frame: Frame) -> FloatArray:
+    assert frame.camera_pose is not None
+    assert frame.ground is not None
+    pixels = np.stack(np.meshgrid(np.arange(320) + 0.5, np.arange(240) + 0.5), axis=-1)
+    points = ground_points(frame.camera, frame.camera_pose, frame.ground, pixels)
+    return project(frame.camera, frame.camera_pose, points)[1]
