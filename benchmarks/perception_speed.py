@@ -19,8 +19,9 @@ from perception.knowledge_base import load_knowledge
 from perception.pipeline import classify_blobs, perceive, smoothed, working_picture
 from perception.rock_geometry import outlines
 from perception.soil_reference import soil_reference
-from perception.terrain_class import WINDOW_PX, classify, window_features
+from perception.terrain_class import classify
 from perception.texture import window_texture
+from perception.window_features import WINDOW_PX, window_features
 from worlds.geometry import camera_pose, quaternion_from_euler
 from worlds.types import ByteArray, CameraModel, Frame, GroundPlane, Pose
 
@@ -69,7 +70,8 @@ def main() -> None:
     soil = soil_reference(lab, hidden, knowledge.soil)
     found = binarize(lab, soft, soil, hidden, knowledge)
     blobs, _ = classify_blobs(grey, found, hidden, knowledge)
-    features = window_features(grey, found.mask, found.mask, hidden)
+    windows, names = perceive(frame, knowledge).windows, knowledge.terrain_rules.input_names
+    features = window_features(windows, names)
     parts: dict[str, Callable[[], object]] = {
         "whole frame": lambda: perceive(frame, knowledge),
         "low-pass and colour": lambda: smoothed(picture, 1.0),
@@ -77,9 +79,10 @@ def main() -> None:
         "binarize": lambda: binarize(lab, soft, soil, hidden, knowledge),
         "blobs and certainty": lambda: classify_blobs(grey, found, hidden, knowledge),
         "outlines": lambda: outlines(blobs, 1.25),
-        "window features": lambda: window_features(grey, found.mask, found.mask, hidden),
-        "terrain rules": lambda: classify(features, knowledge.terrain_rules),
+        "window features": lambda: window_features(windows, names),
+        "terrain rules": lambda: classify(features, knowledge.terrain_rules, knowledge.terrain.min_certainty),
         "co-occurrence, ours": lambda: window_texture(grey, WINDOW_PX),
+        "co-occurrence, ours, 1 and 3 px": lambda: window_texture(grey, WINDOW_PX, (1, 3)),
         "co-occurrence, scikit-image": lambda: skimage_windows(grey),
     }
     print(f"{arguments.picture.name}: {len(blobs)} rocks")

@@ -30,10 +30,18 @@ def to_skfuzzy(base: RuleBase) -> Any:
         raise ValueError(f"norm is {base.norm!r}; scikit-fuzzy can check 'minimum' only")
     inputs = {variable.name: _filled(control.Antecedent, variable) for variable in base.inputs}
     output = _filled(control.Consequent, base.output)
-    rules = []
+    if base.aggregation == "sum":
+        output.accumulation_method = np.add
+    # Rules of the same conditions are one to scikit-fuzzy: its network of rules grows slow with their number.
+    spoken: dict[Any, list[Any]] = {}
     for rule in base.rules:
-        anded = reduce(and_, (reduce(or_, (inputs[name][term] for term in terms)) for name, terms in rule.conditions))
-        rules.append(control.Rule(anded, output[rule.consequent] % rule.weight))
+        spoken.setdefault(rule.conditions, []).append(output[rule.consequent] % rule.weight)
+    rules = [
+        control.Rule(
+            reduce(and_, (reduce(or_, (inputs[name][term] for term in terms)) for name, terms in conditions)), said
+        )
+        for conditions, said in spoken.items()
+    ]
     return control.ControlSystemSimulation(control.ControlSystem(rules))
 
 
@@ -48,6 +56,14 @@ def compute(simulation: Any, base: RuleBase, sample: dict[str, float]) -> float:
         warnings.simplefilter("ignore", DeprecationWarning)
         simulation.compute()
     return float(simulation.output[base.output.name])
+
+
+def activations(simulation: Any, base: RuleBase, sample: dict[str, float]) -> FloatArray:
+    """How strongly scikit-fuzzy activates each output term (T,) for one sample: `term_strengths` must agree."""
+    compute(simulation, base, sample)
+    output = next(simulation.ctrl.consequents)
+    found = [output[term].membership_value[simulation] for term in base.output.term_names]
+    return np.array([0.0 if value is None else float(value) for value in found])
 
 
 def _filled(kind: Any, variable: Variable) -> Any:

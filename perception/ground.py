@@ -71,12 +71,22 @@ def window_centres(
     camera: CameraModel, camera_pose: Pose, plane: GroundPlane, shape: tuple[int, int], max_range_m: float
 ) -> FloatArray:
     """Ground x, y (rows, columns, 2) under the centres of ``shape`` windows; NaN in the sky and beyond the range."""
+    points = _window_points(camera, camera_pose, plane, shape)
+    near = ground_range(camera_pose, plane, points) <= max_range_m
+    return np.asarray(np.where(near[..., None], points[..., :2], np.nan))
+
+
+def window_ranges(camera: CameraModel, camera_pose: Pose, plane: GroundPlane, shape: tuple[int, int]) -> FloatArray:
+    """Ground distance (rows, columns), m, of the centres of ``shape`` windows; NaN at and above the horizon."""
+    return ground_range(camera_pose, plane, _window_points(camera, camera_pose, plane, shape))
+
+
+def _window_points(camera: CameraModel, camera_pose: Pose, plane: GroundPlane, shape: tuple[int, int]) -> FloatArray:
+    """World points (rows, columns, 3) under the centres of ``shape`` windows."""
     rows = (np.arange(shape[0]) + 0.5) * camera.height_px / shape[0]
     columns = (np.arange(shape[1]) + 0.5) * camera.width_px / shape[1]
     pixels = np.stack(np.meshgrid(columns, rows), axis=-1)
-    points = ground_points(camera, camera_pose, plane, pixels)
-    near = ground_range(camera_pose, plane, points) <= max_range_m
-    return np.asarray(np.where(near[..., None], points[..., :2], np.nan))
+    return ground_points(camera, camera_pose, plane, pixels)
 
 
 def footprint(

@@ -17,7 +17,13 @@ from worlds.fuzzy import RuleBase, rule_base
 from worlds.strict_toml import Limits, check_limits, convert_table, read_table
 
 ROCK_INPUTS = ("contrast", "energy", "variance", "area", "strength")
-TERRAIN_INPUTS = ("fine", "coarse", "cover", "big", "unseen")
+PAPER_INPUTS = ("contrast", "energy", "variance", "area")  # the four of the 2004 paper, section 4
+TERRAIN_INPUTS = (
+    *PAPER_INPUTS,
+    *("entropy", "homogeneity", "fine", "grain", "coarse", "score", "score_spread", "cover", "largest", "rest"),
+    *("rock_size", "around_score", "around_largest", "around_fine", "around_coarse", "tint", "tint_95", "faint_cover"),
+    *("faint_largest", "faint_count", "clear_cover", "clear_largest", "clear_count", "range", "unseen"),
+)
 CUE_NAMES = ("lightness", "green_red", "blue_yellow", "roughness", "likeness")
 SKY_CUES = ("lightness", "green_red", "blue_yellow", "texture", "texture_over", "texture_level", "row")
 LIMITS: Limits = {
@@ -47,6 +53,7 @@ LIMITS: Limits = {
     "ground.horizon_dip_deg": (0.0, 45.0),
     "rock.min_certainty": (0.0, 1.0),
     "rock.round_ratio": (1.0, 100.0),
+    "terrain.min_certainty": (0.0, 1.0),
 }
 
 
@@ -160,7 +167,12 @@ class RockKnowledge(_Table, frozen=True, kw_only=True):
 
     min_certainty: float = 0.4
     round_ratio: float = 1.25  # extents that differ by less: formation 0
-    big_extent_px: float = 20.0  # a blob this long is big rock to the terrain classes
+
+
+class TerrainKnowledge(_Table, frozen=True, kw_only=True):
+    """When a window counts as one of the classes."""
+
+    min_certainty: float = 0.0  # of the strongest class; a window of which the rules know less is uncertain
 
 
 class _File(_Table, frozen=True, kw_only=True):
@@ -173,11 +185,12 @@ class _File(_Table, frozen=True, kw_only=True):
     sky: Sky
     ground: GroundKnowledge
     rock: RockKnowledge
+    terrain: TerrainKnowledge
 
 
 @dataclass(frozen=True)
 class Knowledge:
-    """A whole knowledge file with its two rule bases."""
+    """A whole knowledge file with its rule bases."""
 
     name: str
     soil: SoilKnowledge
@@ -188,8 +201,10 @@ class Knowledge:
     sky: Sky
     ground: GroundKnowledge
     rock: RockKnowledge
+    terrain: TerrainKnowledge
     rock_rules: RuleBase
     terrain_rules: RuleBase
+    paper_rules: RuleBase  # of the terrain classes, by the 2004 paper's own features alone
 
 
 def load_knowledge(name_or_path: str | Path) -> Knowledge:
@@ -208,7 +223,7 @@ def load_knowledge(name_or_path: str | Path) -> Knowledge:
 
 
 def _decode(table: dict[str, Any], source: str) -> Knowledge:
-    rules = {key: table.pop(key, {}) for key in ("rock_rules", "terrain_rules")}
+    rules = {key: table.pop(key, {}) for key in ("rock_rules", "terrain_rules", "paper_rules")}
     plain = convert_table(table, _File, source)
     check_limits(plain, LIMITS, source)
     for key in ("cues", "second_cues", "grey_cues"):
@@ -220,6 +235,7 @@ def _decode(table: dict[str, Any], source: str) -> Knowledge:
         **{field: getattr(plain, field) for field in plain.__struct_fields__},
         rock_rules=_rules(rules["rock_rules"], f"{source}: rock_rules", ROCK_INPUTS),
         terrain_rules=_rules(rules["terrain_rules"], f"{source}: terrain_rules", TERRAIN_INPUTS),
+        paper_rules=_rules(rules["paper_rules"], f"{source}: paper_rules", PAPER_INPUTS),
     )
 
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from perception.binarize import Binarized, SingleArray, binarize
 from perception.blobs import Blobs, find_blobs, select
-from perception.ground import beyond_horizon, footprint, window_centres
+from perception.ground import beyond_horizon, footprint, window_centres, window_ranges
 from perception.knowledge_base import Knowledge, load_knowledge
 from perception.rock_classifier import blob_features, rock_certainty
 from perception.rock_geometry import RockOutlines, outlines
@@ -22,8 +22,9 @@ from perception.rock_placement import View, place_rocks
 from perception.sky import sky_mask
 from perception.soil_reference import even_light, soil_reference
 from perception.stereo import StereoView, depth_picture, refined
-from perception.terrain_class import classify, window_features
-from worlds.types import BoolArray, ByteArray, Frame, IntArray, Observation, PerceivedRock
+from perception.terrain_class import classify
+from perception.window_features import WINDOW_PX, WindowSource, window_features
+from worlds.types import BoolArray, ByteArray, FloatArray, Frame, IntArray, Observation, PerceivedRock
 
 __all__ = ["ImageRock", "Knowledge", "Perception", "View", "examine", "load_knowledge", "on_ground", "perceive"]
 
@@ -61,6 +62,7 @@ class Perception:
     rocks: tuple[ImageRock, ...]
     outlines: RockOutlines  # of the rocks, in their order
     classes: NDArray[np.str_]  # (12, 16) letters of TerrainClass, top row first
+    windows: WindowSource  # what their features are measured on
     observation: Observation | None
 
 
@@ -91,11 +93,12 @@ def examine(
     found = binarize(even_light(lab, soil), soft_grey, soil, hidden, knowledge)
     blobs, certainty = classify_blobs(grey, found, hidden, knowledge)
     shape = outlines(blobs, knowledge.rock.round_ratio)
-    mask = blobs.labels > 0
-    features = window_features(grey, mask, big_rock(blobs, shape, knowledge.rock.big_extent_px), hidden)
-    classes = classify(features, knowledge.terrain_rules)
+    windows = WindowSource(grey, lab, soil, found.score, blobs.labels, blobs.area_px, hidden, _ranges(view))
+    features = window_features(windows, knowledge.terrain_rules.input_names)
+    classes = classify(features, knowledge.terrain_rules, knowledge.terrain.min_certainty)
     rocks = _image_rocks(blobs, shape, certainty)
-    return Perception(scale, found.score, mask, blobs.labels, hidden, rocks, shape, classes, None)
+    mask = blobs.labels > 0
+    return Perception(scale, found.score, mask, blobs.labels, hidden, rocks, shape, classes, windows, None)
 
 
 def on_ground(found: Perception, view: View, time_s: float, knowledge: Knowledge) -> Perception:
@@ -184,10 +187,12 @@ def skyline_bands(blobs: Blobs, hidden: BoolArray) -> BoolArray:
     return np.asarray(hangs & (blobs.variance_px2[:, 0] > SKYLINE_RATIO**2 * blobs.variance_px2[:, 1]))
 
 
-def big_rock(blobs: Blobs, shape: RockOutlines, extent_px: float) -> BoolArray:
-    """Pixels (H, W) of blobs at least ``extent_px`` long."""
-    big = np.concatenate([[False], shape.length_px >= extent_px])
-    return np.asarray(big[blobs.labels])
+def _ranges(view: View | None) -> FloatArray | None:
+    """Ground distance (12, 16) of the windows, m; None for a picture from anywhere."""
+    if view is None:
+        return None
+    shape = (WORKING_SIZE_PX[1] // WINDOW_PX, WORKING_SIZE_PX[0] // WINDOW_PX)
+    return window_ranges(view.camera, view.pose, view.plane, shape)
 
 
 def _image_rocks(blobs: Blobs, shape: RockOutlines, certainty: NDArray[np.float64]) -> tuple[ImageRock, ...]:

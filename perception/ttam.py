@@ -24,3 +24,12 @@ def ttam(true: NDArray[np.str_], found: NDArray[np.str_], u_weight: float | None
     weight = np.vectorize(table.__getitem__, otypes=[float])(true)
     total = float(weight.sum())
     return float(100.0 * (weight * (true == found)).sum() / total) if total > 0 else float("nan")
+
+
+def confusion(true: NDArray[np.str_], found: NDArray[np.str_]) -> NDArray[np.int64]:
+    """How many windows of each class (row) were taken for each (column), (6, 6) in the order S V m M B U."""
+    places = {letter: place for place, letter in enumerate((*WEIGHTS, "U"))}
+    rows, columns = (
+        np.array([places[letter] for letter in grid.ravel().tolist()], dtype=np.int64) for grid in (true, found)
+    )
+    return np.bincount(rows * len(places) + columns, minlength=len(places) ** 2).reshape(len(places), len(places))

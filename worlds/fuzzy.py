@@ -3,6 +3,7 @@
 A rule base is decoded from a table such as TOML gives::
 
     norm = "minimum"                      # or "product": the AND, and how a rule shapes its output set
+    aggregation = "maximum"               # or "sum": how rules for one output term come together (optional)
     [input.slope_deg]
     range = [0.0, 40.0]                   # values outside are taken as the nearer end
     flat = [0.0, 0.0, 5.0, 15.0]          # four corners: trapezoid; three: triangle
@@ -13,9 +14,10 @@ A rule base is decoded from a table such as TOML gives::
     good = [0.5, 1.0, 1.0]
     [[rule]]
     if = { slope_deg = "flat" }           # several inputs: AND; a list of terms: OR
-    then = "good"
-    weight = 1.0                          # optional
+    then = "good"                         # or { good = 0.8, poor = 0.1 }: terms and the rule's weight for each
+    weight = 1.0                          # optional, up to 1; with "sum" any positive number, as evidence is
 
+With "sum" the base is an additive fuzzy system (Kosko, IEEE Trans. Computers 43(11), 1994): evidence that adds up.
 Source: Mamdani and Assilian, Int. J. Man-Machine Studies 7 (1975) 1-13. With ``norm = "product"``, terms that sum
 to one everywhere and a smooth monotone rule table the answer is monotone in each input (Van Broekhoven and
 De Baets, IEEE Trans. Fuzzy Systems 17(5), 2009); with the minimum it need not be.
@@ -25,16 +27,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, reduce
 from typing import Any, Literal, TypeGuard
 
 import numpy as np
 
 from worlds.errors import InputError
-from worlds.types import FloatArray
+from worlds.types import BoolArray, FloatArray, IntArray
 
 Corners = tuple[float, float, float, float]
 Norm = Literal["minimum", "product"]
+Aggregation = Literal["maximum", "sum"]
 GRID_POINTS = 201  # of the output axis; a centroid is then good to about 1e-4 of its range
 
 
@@ -70,6 +73,7 @@ class RuleBase:
     output: Variable
     rules: tuple[Rule, ...]
     norm: Norm = "minimum"
+    aggregation: Aggregation = "maximum"
 
     @property
     def input_names(self) -> tuple[str, ...]:
@@ -85,34 +89,71 @@ def membership(corners: Corners, values: FloatArray) -> FloatArray:
     return np.where((values < a) | (values > d), 0.0, np.minimum(rising, falling))
 
 
-def memberships(variable: Variable, values: FloatArray) -> dict[str, FloatArray]:
-    """Membership of ``values`` (N,) in each term; values beyond the range count as its ends."""
-    clipped = np.clip(values, variable.low, variable.high)
-    return {name: membership(corners, clipped) for name, corners in variable.terms}
-
-
 def rule_strengths(base: RuleBase, inputs: Mapping[str, FloatArray]) -> FloatArray:
-    """How strongly each rule fires, (N, rules) in 0..1; ``inputs`` maps each input's name to its values (N,).
+    """How strongly each rule fires, (N, rules), its weight included; ``inputs`` maps input names to values (N,).
 
     Raises KeyError when an input of the rule base is missing.
     """
-    degrees = {v.name: memberships(v, np.atleast_1d(np.asarray(inputs[v.name], dtype=float))) for v in base.inputs}
+    degrees = _all_degrees(base, inputs)
+    plain, places = _plain_rules(base)
+    weights = np.array([rule.weight for rule in base.rules])
     combine = np.minimum if base.norm == "minimum" else np.multiply
-    columns = []
-    for rule in base.rules:
-        strength = np.asarray(rule.weight, dtype=float)
-        for name, terms in rule.conditions:
-            strength = combine(strength, np.max([degrees[name][term] for term in terms], axis=0))
-        columns.append(strength)
-    return np.stack(columns, axis=-1)
+    weigh = np.multiply if base.aggregation == "sum" else combine
+    strengths = np.empty((degrees.shape[0], len(base.rules)))
+    strengths[:, plain] = degrees[:, places]
+    for index in np.flatnonzero(~plain):
+        groups = _term_places(base, base.rules[index])
+        strengths[:, index] = reduce(combine, [degrees[:, group].max(axis=1) for group in groups])
+    return np.asarray(weigh(strengths, weights))
+
+
+def _all_degrees(base: RuleBase, inputs: Mapping[str, FloatArray]) -> FloatArray:
+    """Membership (N, K) in every term of every input, inputs and terms in their order."""
+    owner, corners, low, high = _term_table(base)
+    values = np.stack([np.atleast_1d(np.asarray(inputs[v.name], dtype=float)) for v in base.inputs], axis=-1)
+    values = np.clip(values, low, high)[:, owner]
+    a, b, c, d = corners
+    rising = np.where(b > a, np.clip((values - a) / np.where(b > a, b - a, 1.0), 0.0, 1.0), 1.0)
+    falling = np.where(d > c, np.clip((d - values) / np.where(d > c, d - c, 1.0), 0.0, 1.0), 1.0)
+    return np.asarray(np.where((values < a) | (values > d), 0.0, np.minimum(rising, falling)))
+
+
+@cache
+def _term_table(base: RuleBase) -> tuple[IntArray, FloatArray, FloatArray, FloatArray]:
+    """Input (K,) and corners (4, K) of all terms; lower and upper end (inputs,) of the inputs."""
+    owner = np.array([i for i, v in enumerate(base.inputs) for _ in v.terms], dtype=np.int32)
+    corners = np.array([corners for v in base.inputs for _, corners in v.terms]).T
+    return owner, corners, np.array([v.low for v in base.inputs]), np.array([v.high for v in base.inputs])
+
+
+@cache
+def _plain_rules(base: RuleBase) -> tuple[BoolArray, IntArray]:
+    """Which rules ask for a single term, and the place of that term among all."""
+    groups = [_term_places(base, rule) for rule in base.rules]
+    plain = np.array([len(group) == 1 and len(group[0]) == 1 for group in groups], dtype=bool)
+    return plain, np.array([g[0][0] for g, single in zip(groups, plain, strict=True) if single], dtype=np.int32)
+
+
+def _term_places(base: RuleBase, rule: Rule) -> list[list[int]]:
+    """Places among all terms of those that each condition of a rule lists."""
+    names = [(v.name, term) for v in base.inputs for term in v.term_names]
+    return [[names.index((name, term)) for term in terms] for name, terms in rule.conditions]
 
 
 def term_strengths(base: RuleBase, inputs: Mapping[str, FloatArray]) -> FloatArray:
-    """Strongest rule of each output term, (N, terms) in the order of ``base.output.term_names``."""
+    """Strongest rule, or sum of the rules, of each output term: (N, terms) in the order of the output's terms."""
     strengths = rule_strengths(base, inputs)
-    names = np.array([rule.consequent for rule in base.rules])
-    by_term = [strengths[:, names == term].max(axis=1, initial=0.0) for term in base.output.term_names]
+    owner = _rule_owner(base)
+    if base.aggregation == "sum":
+        return np.asarray(strengths @ owner)
+    by_term = [strengths[:, owner[:, index] > 0].max(axis=1, initial=0.0) for index in range(owner.shape[1])]
     return np.stack(by_term, axis=-1)
+
+
+@cache
+def _rule_owner(base: RuleBase) -> FloatArray:
+    """One where the rule (row) speaks for the output term (column)."""
+    return np.array([[float(rule.consequent == term) for term in base.output.term_names] for rule in base.rules])
 
 
 def evaluate(base: RuleBase, inputs: Mapping[str, FloatArray]) -> FloatArray:
@@ -138,20 +179,26 @@ def _output_shapes(output: Variable) -> tuple[FloatArray, FloatArray]:
 
 def rule_base(table: Mapping[str, Any], source: str) -> RuleBase:
     """Rule base of a decoded table (see the module's text); InputError names ``source`` and the wrong key."""
-    _known(table, {"norm", "input", "output", "rule"}, source, "")
+    _known(table, {"norm", "aggregation", "input", "output", "rule"}, source, "")
     norm = table.get("norm", "minimum")
     if norm not in {"minimum", "product"}:
         raise InputError(f"{source}: norm is {norm!r}; allowed are 'minimum' and 'product'")
+    aggregation = table.get("aggregation", "maximum")
+    if aggregation not in {"maximum", "sum"}:
+        raise InputError(f"{source}: aggregation is {aggregation!r}; allowed are 'maximum' and 'sum'")
     inputs = tuple(_variable(name, part, f"{source}: input.{name}") for name, part in table.get("input", {}).items())
     outputs = [_variable(name, part, f"{source}: output.{name}") for name, part in table.get("output", {}).items()]
     if not inputs or len(outputs) != 1:
         raise InputError(f"{source}: has {len(inputs)} inputs and {len(outputs)} outputs; at least one and exactly one")
+    heaviest = np.inf if aggregation == "sum" else 1.0
     rules = tuple(
-        _rule(part, inputs, outputs[0], f"{source}: rule[{index}]") for index, part in enumerate(table.get("rule", []))
+        rule
+        for index, part in enumerate(table.get("rule", []))
+        for rule in _rules(part, inputs, outputs[0], heaviest, f"{source}: rule[{index}]")
     )
     if not rules:
         raise InputError(f"{source}: rule is empty; at least one rule is needed")
-    return RuleBase(inputs, outputs[0], rules, norm)
+    return RuleBase(inputs, outputs[0], rules, norm, aggregation)
 
 
 def _known(table: Mapping[str, Any], allowed: set[str], source: str, key: str) -> None:
@@ -181,11 +228,30 @@ def _numbers(values: Any) -> TypeGuard[list[float]]:
     return isinstance(values, list) and all(isinstance(v, int | float) and np.isfinite(v) for v in values)
 
 
-def _rule(table: Mapping[str, Any], inputs: tuple[Variable, ...], output: Variable, source: str) -> Rule:
+def _rules(
+    table: Mapping[str, Any], inputs: tuple[Variable, ...], output: Variable, heaviest: float, source: str
+) -> list[Rule]:
+    """One rule of a file, as one for each output term that it speaks for."""
     _known(table, {"if", "then", "weight"}, source, "")
-    by_name = {variable.name: variable for variable in inputs}
+    conditions = _conditions(table.get("if", {}), {variable.name: variable for variable in inputs}, source)
+    then, weight = table.get("then"), table.get("weight", 1.0)
+    spoken_for = then if isinstance(then, dict) else {then: weight}
+    if isinstance(then, dict) and ("weight" in table or not then):
+        raise InputError(f"{source}.then: its terms carry the weights; leave out weight and name one term or more")
+    for term, share in spoken_for.items():
+        if term not in output.term_names:
+            raise InputError(f"{source}.then is {term!r}; allowed are {', '.join(output.term_names)}")
+        if not isinstance(share, int | float) or not 0.0 < share <= heaviest or not np.isfinite(share):
+            limit = " and at most 1" if heaviest == 1.0 else ""
+            raise InputError(f"{source}.weight is {share!r}; above 0{limit}")
+    return [Rule(conditions, str(term), float(share)) for term, share in spoken_for.items()]
+
+
+def _conditions(
+    table: Mapping[str, Any], by_name: Mapping[str, Variable], source: str
+) -> tuple[tuple[str, tuple[str, ...]], ...]:
     conditions = []
-    for name, wanted in table.get("if", {}).items():
+    for name, wanted in table.items():
         terms = (wanted,) if isinstance(wanted, str) else tuple(wanted)
         if name not in by_name:
             raise InputError(f"{source}.if: unknown input {name!r}; allowed are {', '.join(by_name)}")
@@ -195,9 +261,4 @@ def _rule(table: Mapping[str, Any], inputs: tuple[Variable, ...], output: Variab
         conditions.append((name, terms))
     if not conditions:
         raise InputError(f"{source}.if is empty; at least one condition is needed")
-    if table.get("then") not in output.term_names:
-        raise InputError(f"{source}.then is {table.get('then')!r}; allowed are {', '.join(output.term_names)}")
-    weight = float(table.get("weight", 1.0))
-    if not 0.0 < weight <= 1.0:
-        raise InputError(f"{source}.weight is {weight}; above 0 and at most 1")
-    return Rule(tuple(conditions), str(table["then"]), weight)
+    return tuple(conditions)

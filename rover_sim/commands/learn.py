@@ -22,6 +22,12 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--base", default="mars", metavar="NAME", help="knowledge that the rest is taken from (default: mars)"
     )
+    parser.add_argument(
+        "--outlines",
+        type=Path,
+        metavar="DIR",
+        help="kind grid: pictures with STEM_mask.png, for rock evidence from other scenes in the report",
+    )
 
 
 def execute(args: argparse.Namespace) -> int:
@@ -33,7 +39,11 @@ def execute(args: argparse.Namespace) -> int:
 
     if args.out.suffix != ".toml":
         raise InputError(f"--out {args.out}: must be named FILE.toml, as knowledge files are")
+    if args.outlines is not None and args.kind != "grid":
+        raise InputError(f"--outlines {args.outlines}: only --kind grid takes it")
     kind = kind_module(args.kind)
-    lines = kind.learn(label_pairs(args.images, args.labels, kind.label_of), args.base, args.out, args.workers)
+    more = {"outlines": args.outlines} if args.kind == "grid" else {}
+    pairs = label_pairs(args.images, args.labels, kind.label_of)
+    lines = kind.learn(pairs, args.base, args.out, args.workers, **more)
     Console().print("\n".join(lines), soft_wrap=True, highlight=False, markup=False)
     return 0

@@ -21,7 +21,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def add_labels(parser: argparse.ArgumentParser) -> None:
     """Add the arguments that say which labels."""
-    parser.add_argument("--images", type=Path, metavar="DIR", required=True, help="folder of pictures")
+    parser.add_argument("--images", type=Path, nargs="+", metavar="DIR", required=True, help="folders of pictures")
     parser.add_argument("--labels", type=Path, metavar="DIR", required=True, help="folder of their labels")
     parser.add_argument("--kind", choices=tuple(KINDS), default="rocks", help="of the labels (default: rocks)")
     parser.add_argument(

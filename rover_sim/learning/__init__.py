@@ -9,7 +9,7 @@ from __future__ import annotations
 from importlib import import_module
 from types import ModuleType
 
-KINDS = {"rocks": "rover_sim.learning.rocks"}
+KINDS = {"rocks": "rover_sim.learning.rocks", "grid": "rover_sim.learning.grid"}
 
 
 def kind_module(kind: str) -> ModuleType:

@@ -1,0 +1,240 @@
+"""What the six-class rules look at: measures of each 20x20 window of a picture, made for those that are asked for.
+
+Textures are decimal logarithms of grey levels; shares are of the window; ``around_`` is the mean over the 3x3 windows
+around. Clast-coloured specks are found apart from rocks, since pebbles are too small to pass for rocks: they are less
+yellow than soil lit like them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import cv2
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from perception.soil_reference import SoilReference
+from perception.texture import Texture, window_texture
+from worlds.types import BoolArray, ByteArray, FloatArray, IntArray
+
+SingleArray = NDArray[np.float32]
+WINDOW_PX = 20  # the paper's sub-window
+FAR_M = 100.0  # windows that see no ground count as this far away
+SPECK_LEVELS = (2.5, 5.0)  # of b* under the soil's: faint and clear
+_SIGMAS_FINE, _SIGMAS_COARSE_HALF = (0.8, 2.0), (1.5, 4.0)  # the latter at half resolution: 3 and 8 pixels
+_BINS, _BIN = 1024, 0.125  # of the histograms that percentiles are read from, in grey levels
+_FLOOR = 0.1  # grey levels; keeps logarithms finite
+
+
+@dataclass(frozen=True, eq=False)
+class WindowSource:
+    """What was found in one picture, (H, W) each where not said otherwise."""
+
+    grey: ByteArray
+    lab: SingleArray  # (H, W, 3) of the low-passed picture
+    soil: SoilReference
+    score: SingleArray  # rock evidence 0..1
+    labels: IntArray  # rock id, 0 = none
+    area_px: IntArray  # (R,) of the rocks
+    hidden: BoolArray
+    range_m: FloatArray | None = None  # (rows, columns) ground distance of the windows, NaN where there is no ground
+
+
+def window_features(source: WindowSource, names: tuple[str, ...]) -> dict[str, FloatArray]:
+    """The features ``names``, each (rows, columns) over the whole windows of the picture, and always ``blank``.
+
+    ``blank`` is 1 where a window has no variation at all and hence carries no picture. Raises KeyError for a feature
+    that there is not.
+    """
+    parts = _Parts(source)
+    return {name: FEATURES[name](parts) for name in dict.fromkeys((*names, "blank"))}
+
+
+class _Parts:
+    """Measures that several features share, each made once, when first asked for."""
+
+    def __init__(self, source: WindowSource) -> None:
+        self.source = source
+        self.shape = (source.grey.shape[0] // WINDOW_PX, source.grey.shape[1] // WINDOW_PX)
+
+    @cached_property
+    def single(self) -> SingleArray:
+        return np.asarray(self.source.grey, dtype=np.float32)
+
+    @cached_property
+    def fine(self) -> FloatArray:
+        return self._band(self.single, _SIGMAS_FINE, WINDOW_PX)
+
+    @cached_property
+    def coarse(self) -> FloatArray:
+        # A broad band needs no more than half the resolution.
+        half = cv2.resize(self.single, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
+        return self._band(np.asarray(half, dtype=np.float32), _SIGMAS_COARSE_HALF, WINDOW_PX // 2)
+
+    def _band(self, picture: SingleArray, sigmas: tuple[float, float], size: int) -> FloatArray:
+        """Largest and 95th percentile (rows, columns, 2) of |G(s1) - G(s2)|, log10 grey levels."""
+        low, high = (cv2.GaussianBlur(picture, (0, 0), sigma) for sigma in sigmas)
+        return np.log10(np.maximum(_percentiles(np.asarray(cv2.absdiff(low, high)), size, 0.95), _FLOOR))
+
+    @cached_property
+    def rocks(self) -> FloatArray:
+        return _clast_kernel(self.source.labels, WINDOW_PX)
+
+    @cached_property
+    def co_occurrence(self) -> Texture:
+        return window_texture(self.source.grey, WINDOW_PX)
+
+    @cached_property
+    def less_yellow(self) -> SingleArray:
+        """How much less yellow (b*) a pixel is than soil lit like it; its median over the ground is 0."""
+        lab, soil = self.source.lab, self.source.soil
+        plane = lab[..., 0] * np.float32(soil.lab[2] / soil.lab[0]) - lab[..., 2]
+        ground = plane[::4, ::4][~self.source.hidden[::4, ::4]]
+        plane -= np.float32(np.median(ground)) if ground.size else np.float32(0.0)
+        plane[self.source.hidden] = 0.0
+        return np.asarray(plane, dtype=np.float32)
+
+    @cached_property
+    def tint(self) -> FloatArray:
+        """Largest and 95th percentile (rows, columns, 2) of `less_yellow`, its positive part."""
+        return _percentiles(np.maximum(self.less_yellow, 0.0), WINDOW_PX, 0.95)
+
+    @cached_property
+    def faint(self) -> FloatArray:
+        return self._specks(SPECK_LEVELS[0])
+
+    @cached_property
+    def clear(self) -> FloatArray:
+        return self._specks(SPECK_LEVELS[1])
+
+    def _specks(self, level: float) -> FloatArray:
+        found = (self.less_yellow > level).view(np.uint8)
+        return _clast_kernel(np.asarray(cv2.connectedComponents(found, connectivity=8)[1], dtype=np.int32), WINDOW_PX)
+
+    @cached_property
+    def score(self) -> FloatArray:
+        return window_mean(self.source.score)
+
+    def around(self, values: FloatArray) -> FloatArray:
+        return np.asarray(cv2.blur(values, (3, 3), borderType=cv2.BORDER_REPLICATE))
+
+    def blank(self) -> FloatArray:
+        grey = self.source.grey
+        flat = window_reduce(np.maximum, grey, WINDOW_PX) == window_reduce(np.minimum, grey, WINDOW_PX)
+        return np.asarray(flat.astype(np.float64))
+
+    def range_log(self) -> FloatArray:
+        away = np.full(self.shape, FAR_M) if self.source.range_m is None else self.source.range_m
+        return np.asarray(np.log10(np.clip(np.nan_to_num(away, nan=FAR_M), 0.1, FAR_M)))
+
+    def rock_size(self) -> FloatArray:
+        areas = np.concatenate([[0], self.source.area_px])
+        return np.asarray(np.log10(1.0 + areas[self.rocks[..., 3].astype(np.int64)]))
+
+
+def _log_texture(values: FloatArray, parts: _Parts) -> FloatArray:
+    return np.log10(np.maximum(values, 0.01)).reshape(parts.shape)
+
+
+FEATURES: Mapping[str, Callable[[_Parts], FloatArray]] = {
+    "fine": lambda p: p.fine[..., 0],  # largest |G(0.8) - G(2)|: one speck shows
+    "grain": lambda p: p.fine[..., 1],  # 95th percentile of the same
+    "coarse": lambda p: p.coarse[..., 1],  # 95th percentile of |G(3) - G(8)|: relief of the size of rocks
+    "score": lambda p: p.score,  # mean evidence of rock: cover that counts doubt as half
+    "score_spread": lambda p: np.sqrt(np.maximum(window_mean(np.square(p.source.score)) - p.score**2, 0.0)),
+    "cover": lambda p: p.rocks[..., 0],  # share under rocks
+    "largest": lambda p: p.rocks[..., 1] / WINDOW_PX**2,  # share under the rock that takes most of it
+    "rest": lambda p: p.rocks[..., 0] - p.rocks[..., 1] / WINDOW_PX**2,  # share under all others
+    "rock_size": _Parts.rock_size,  # log10 of 1 + that rock's pixels in the whole picture
+    "around_score": lambda p: p.around(p.score),
+    "around_largest": lambda p: p.around(p.rocks[..., 1] / WINDOW_PX**2),
+    "around_fine": lambda p: p.around(p.fine[..., 0]),
+    "around_coarse": lambda p: p.around(p.coarse[..., 1]),
+    "tint": lambda p: np.log10(np.maximum(p.tint[..., 0], _FLOOR)),  # of the least yellow pixel
+    "tint_95": lambda p: np.log10(np.maximum(p.tint[..., 1], _FLOOR)),
+    "faint_cover": lambda p: p.faint[..., 0],
+    "faint_largest": lambda p: np.log10(1.0 + p.faint[..., 1]),  # pixels
+    "faint_count": lambda p: p.faint[..., 2],
+    "clear_cover": lambda p: p.clear[..., 0],
+    "clear_largest": lambda p: np.log10(1.0 + p.clear[..., 1]),
+    "clear_count": lambda p: p.clear[..., 2],
+    "contrast": lambda p: _log_texture(p.co_occurrence.contrast, p),
+    "energy": lambda p: p.co_occurrence.energy.reshape(p.shape),
+    "variance": lambda p: _log_texture(p.co_occurrence.variance, p),
+    "entropy": lambda p: p.co_occurrence.entropy.reshape(p.shape),
+    "homogeneity": lambda p: p.co_occurrence.homogeneity.reshape(p.shape),
+    "area": lambda p: np.log10(1.0 + p.rocks[..., 1]),  # log10 of 1 + pixels of the largest rock in the window
+    "range": _Parts.range_log,  # log10 metres
+    "unseen": lambda p: window_mean(p.source.hidden.view(np.uint8)),  # share that shows no ground
+    "blank": _Parts.blank,
+}
+
+
+def window_mean(values: NDArray[np.float32] | ByteArray) -> FloatArray:
+    """Mean (rows, columns) of ``values`` (H, W) over each whole window."""
+    rows, columns = values.shape[0] // WINDOW_PX, values.shape[1] // WINDOW_PX
+    whole = values[: rows * WINDOW_PX, : columns * WINDOW_PX].astype(np.float32)
+    return np.asarray(cv2.resize(whole, (columns, rows), interpolation=cv2.INTER_AREA), dtype=np.float64)
+
+
+def window_reduce(function: np.ufunc, values: ByteArray, size: int) -> ByteArray:
+    """``function`` (such as ``np.maximum``) over each whole ``size`` window of ``values`` (H, W)."""
+    rows, columns = values.shape[0] // size, values.shape[1] // size
+    lines = function.reduce(values[: rows * size].reshape(rows, size, -1), axis=1)
+    return np.asarray(function.reduce(lines[:, : columns * size].reshape(rows, columns, size), axis=2))
+
+
+@numba.njit(cache=True)
+def _percentiles(values: SingleArray, size: int, share: float) -> FloatArray:
+    """Largest value and percentile ``share`` (rows, columns, 2) of each window of ``values`` (H, W), none negative."""
+    rows, columns = values.shape[0] // size, values.shape[1] // size
+    out = np.empty((rows, columns, 2))
+    counts = np.zeros(_BINS, dtype=np.int32)
+    for row in range(rows):
+        for column in range(columns):
+            counts[:] = 0
+            largest = 0.0
+            for y in range(row * size, (row + 1) * size):
+                for x in range(column * size, (column + 1) * size):
+                    value = values[y, x]
+                    largest = max(largest, value)
+                    counts[min(int(value / _BIN), _BINS - 1)] += 1
+            above, place = int((1.0 - share) * (size * size - 1) + 0.5), _BINS - 1
+            while above >= counts[place]:
+                above -= counts[place]
+                place -= 1
+            out[row, column, 0] = largest
+            out[row, column, 1] = min((place + 0.5) * _BIN, largest)
+    return out
+
+
+@numba.njit(cache=True)
+def _clast_kernel(labels: IntArray, size: int) -> FloatArray:
+    """Of each window: share under clasts, pixels of the largest part, how many clasts, id of the largest."""
+    rows, columns = labels.shape[0] // size, labels.shape[1] // size
+    out = np.zeros((rows, columns, 4))
+    counts = np.zeros(labels.max() + 1, dtype=np.int32)
+    met = np.empty(size * size, dtype=np.int32)
+    for row in range(rows):
+        for column in range(columns):
+            number, total = 0, 0
+            for y in range(row * size, (row + 1) * size):
+                for x in range(column * size, (column + 1) * size):
+                    label = labels[y, x]
+                    if label > 0:
+                        total += 1
+                        if counts[label] == 0:
+                            met[number] = label
+                            number += 1
+                        counts[label] += 1
+            largest, owner = 0, 0
+            for i in range(number):
+                if counts[met[i]] > largest:
+                    largest, owner = counts[met[i]], met[i]
+                counts[met[i]] = 0
+            out[row, column, 0], out[row, column, 1] = total / (size * size), largest
+            out[row, column, 2], out[row, column, 3] = number, owner
+    return out
