@@ -14,7 +14,7 @@ from perception.additive_fit import fit_additive, quantile_knots
 from perception.knowledge_base import Cue, Sky, SkyEvidence
 from perception.pipeline import missing_data, smoothed, working_picture
 from perception.sky import SingleArray, cell_evidence, over_line, sky_cues, wide_skyline
-from perception.terrain_class import window_share
+from perception.window_features import window_mean
 from worlds.types import BoolArray, ByteArray, FloatArray
 
 GREY_CUES = ("lightness", "texture", "texture_over", "texture_level", "row")
@@ -124,7 +124,7 @@ def found_sky(evidence: FloatArray, prices: SkyEvidence, shape: tuple[int, ...])
 
 def count_windows(found: BoolArray, sample: SkySamples) -> WindowCounts:
     """Windows of one picture; the found ones are at least half sky, the true ones mostly, see `window_truth`."""
-    return compare_windows(window_share(found) >= 0.5, sample.sky, sample.known)
+    return compare_windows(window_mean(found) >= 0.5, sample.sky, sample.known)
 
 
 def compare_windows(found: BoolArray, sky: BoolArray, known: BoolArray) -> WindowCounts:
@@ -144,7 +144,7 @@ def window_truth(sky: BoolArray, known: BoolArray) -> tuple[BoolArray, BoolArray
     A window is what most of its pixels are: sky or ridge, ground, or unknown; a draw goes to sky first, then to
     ground. Windows that are mostly unknown do not count.
     """
-    above, seen = window_share(sky & known), window_share(known)
+    above, seen = window_mean(sky & known), window_mean(known)
     ground = seen - above
     return np.asarray(above >= ground), np.asarray(np.maximum(above, ground) >= 1.0 - seen)
 

@@ -168,12 +168,12 @@ FEATURES: Mapping[str, Callable[[_Parts], FloatArray]] = {
     "homogeneity": lambda p: p.co_occurrence.homogeneity.reshape(p.shape),
     "area": lambda p: np.log10(1.0 + p.rocks[..., 1]),  # log10 of 1 + pixels of the largest rock in the window
     "range": _Parts.range_log,  # log10 metres
-    "unseen": lambda p: window_mean(p.source.hidden.view(np.uint8)),  # share that shows no ground
+    "unseen": lambda p: window_mean(p.source.hidden),  # share that shows no ground
     "blank": _Parts.blank,
 }
 
 
-def window_mean(values: NDArray[np.float32] | ByteArray) -> FloatArray:
+def window_mean(values: NDArray[np.float32] | ByteArray | BoolArray) -> FloatArray:
     """Mean (rows, columns) of ``values`` (H, W) over each whole window."""
     rows, columns = values.shape[0] // WINDOW_PX, values.shape[1] // WINDOW_PX
     whole = values[: rows * WINDOW_PX, : columns * WINDOW_PX].astype(np.float32)
