@@ -142,12 +142,24 @@ def _term_places(base: RuleBase, rule: Rule) -> list[list[int]]:
 
 def term_strengths(base: RuleBase, inputs: Mapping[str, FloatArray]) -> FloatArray:
     """Strongest rule, or sum of the rules, of each output term: (N, terms) in the order of the output's terms."""
-    strengths = rule_strengths(base, inputs)
+    plain, _ = _plain_rules(base)
     owner = _rule_owner(base)
+    if base.aggregation == "sum" and plain.all():
+        return np.asarray(_all_degrees(base, inputs) @ _evidence_of_terms(base))
+    strengths = rule_strengths(base, inputs)
     if base.aggregation == "sum":
         return np.asarray(strengths @ owner)
     by_term = [strengths[:, owner[:, index] > 0].max(axis=1, initial=0.0) for index in range(owner.shape[1])]
     return np.stack(by_term, axis=-1)
+
+
+@cache
+def _evidence_of_terms(base: RuleBase) -> FloatArray:
+    """Evidence (K, output terms) that each input term brings where every rule asks for a single one."""
+    weights = np.array([rule.weight for rule in base.rules])
+    evidence = np.zeros((sum(len(variable.terms) for variable in base.inputs), len(base.output.terms)))
+    np.add.at(evidence, _plain_rules(base)[1], weights[:, None] * _rule_owner(base))
+    return evidence
 
 
 @cache
