@@ -32,6 +32,10 @@ TERMS = {
 }
 QUANTILES = (0.03, 0.25, 0.5, 0.75, 0.97)
 STIFFNESS, SIZE_PENALTY = 3e-3, 3e-3  # of bends of the evidence, and of its size; a window's share
+COMMENTS = {
+    "sum": "# What one term of one input brings to each terrain class, in log odds; learned from labelled windows.",
+    "maximum": "# Terrain classes by the 2004 paper's own features, the strongest rule decides; learned as well.",
+}
 LEAST_EVIDENCE = 0.05  # in a rule; less is left out
 PAPER_QUANTILES = (0.1, 0.5, 0.9)
 _U_WEIGHT = 1.0  # the paper prints none
@@ -150,7 +154,12 @@ def learned_base(table: Mapping[str, Any]) -> RuleBase:
 
 def rules_toml(name: str, table: Mapping[str, Any]) -> str:
     """A learned table as the table ``[name]`` of a knowledge file."""
-    lines = [f"[{name}]", f'norm = "{table["norm"]}"', f'aggregation = "{table["aggregation"]}"']
+    lines = [
+        COMMENTS[table["aggregation"]],
+        f"[{name}]",
+        f'norm = "{table["norm"]}"',
+        f'aggregation = "{table["aggregation"]}"',
+    ]
     for kind in ("input", "output"):
         for variable, terms in table[kind].items():
             lines += [f"[{name}.{kind}.{variable}]", *(f"{key} = {value}" for key, value in terms.items())]

@@ -83,3 +83,15 @@ def test_real_labels_are_read() -> None:
         "B": 116,
         "U": 105,
     }
+
+
+@pytest.mark.slow
+def test_real_pictures_left_out(tmp_path: Path) -> None:
+    folders = [str(data_path("mars", name)) for name in ("rocks", "terrain", "nav")]
+    words = ["--labels", str(data_path("mars", "grid6")), "--out", str(tmp_path / "own.toml"), "--workers", "1"]
+    assert main(["learn", "--kind", "grid", "--images", *folders, *words]) == 0
+    report = json.loads((tmp_path / "own.json").read_text())
+    assert report["scenes"] == 8
+    assert report["methods"]["best"]["ttam_without_u"] >= 68.0
+    assert report["methods"]["best"]["recall"]["M"] >= 0.3
+    assert report["methods"]["faithful"]["ttam_without_u"] >= 40.0
