@@ -34,13 +34,13 @@ class Blobs:
 def find_blobs(mask: BoolArray, min_area_px: int = 1, neck_ratio: float = 0.0) -> Blobs:
     """8-connected blobs of ``mask`` (H, W) with at least ``min_area_px`` pixels, parted at narrow necks."""
     labels = part_at_necks(mask, neck_ratio)
-    area, box, centre = _measured(labels)
+    area, box, moments = _measured(labels)
     order = np.argsort(-area, kind="stable")
     order = order[area[order] >= min_area_px]
     rank = np.zeros(len(area) + 1, dtype=np.int32)
     rank[order + 1] = np.arange(1, len(order) + 1, dtype=np.int32)
-    labels, area, box, centre = rank[labels], area[order], box[order], centre[order]
-    variance, axis = _principal(labels, area, centre)
+    labels, area, box = rank[labels], area[order], box[order]
+    centre, variance, axis = _principal(area, moments[order])
     return Blobs(labels, area, box, centre, variance, axis, _touches(box, mask.shape))
 
 
@@ -61,11 +61,14 @@ def select(blobs: Blobs, keep: BoolArray) -> Blobs:
 
 @numba.njit(cache=True)
 def _measured(labels: IntArray) -> tuple[IntArray, IntArray, FloatArray]:
-    """Area (R,), box (R, 4) and centre (R, 2) of the labels 1..R; a label without pixels has area 0."""
+    """Area (R,), box (R, 4) and raw moments (R, 5) of the labels 1..R; a label without pixels has area 0.
+
+    The moments are sums of x, y, x^2, y^2 and x y over pixel centres.
+    """
     count = labels.max()
     area = np.zeros(count, dtype=np.int32)
     corners = np.zeros((count, 4), dtype=np.int32)  # left, top, right, bottom
-    total = np.zeros((count, 2))
+    moments = np.zeros((count, 5))
     for y in range(labels.shape[0]):
         for x in range(labels.shape[1]):
             label = labels[y, x] - 1
@@ -74,32 +77,30 @@ def _measured(labels: IntArray) -> tuple[IntArray, IntArray, FloatArray]:
             if area[label] == 0:
                 corners[label] = x, y, x, y
             area[label] += 1
-            total[label, 0] += x + 0.5
-            total[label, 1] += y + 0.5
             corners[label, 0] = min(corners[label, 0], x)
             corners[label, 2] = max(corners[label, 2], x)
             corners[label, 3] = y
+            across, down = x + 0.5, y + 0.5
+            moments[label, 0] += across
+            moments[label, 1] += down
+            moments[label, 2] += across * across
+            moments[label, 3] += down * down
+            moments[label, 4] += across * down
     corners[:, 2:] += 1 - corners[:, :2]
-    return area, corners, total / np.maximum(area, 1).reshape(-1, 1)
+    return area, corners, moments
 
 
-def _principal(labels: IntArray, area: IntArray, centre: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Principal variances (R, 2) and axis directions (R,) from the second central moments."""
-    rows, columns = np.nonzero(labels)
-    owner = labels[rows, columns] - 1
-    across = columns + 0.5 - centre[owner, 0]
-    up = centre[owner, 1] - rows - 0.5
-    size = len(area)
-
-    def moment(values: FloatArray) -> FloatArray:
-        return np.asarray(np.bincount(owner, weights=values, minlength=size) / np.maximum(area, 1))
-
-    xx, yy, xy = moment(across * across), moment(up * up), moment(across * up)
+def _principal(area: IntArray, moments: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Centres (R, 2), principal variances (R, 2) and axis directions (R,) from raw moments."""
+    mean = moments / area[:, None]
+    centre = mean[:, :2]
+    xx, yy = mean[:, 2] - centre[:, 0] ** 2, mean[:, 3] - centre[:, 1] ** 2
+    xy = centre[:, 0] * centre[:, 1] - mean[:, 4]  # rows grow downwards
     # A pixel is a unit square, not a point: its own variance of 1/12 keeps thin blobs from having none.
     half_sum = (xx + yy) / 2.0 + 1.0 / 12.0
     half_span = np.hypot((xx - yy) / 2.0, xy)
     axis = np.mod(0.5 * np.arctan2(2.0 * xy, xx - yy), np.pi)
-    return np.stack([half_sum + half_span, half_sum - half_span], axis=-1), axis
+    return centre, np.stack([half_sum + half_span, half_sum - half_span], axis=-1), axis
 
 
 def _touches(box: IntArray, shape: tuple[int, ...]) -> BoolArray:

@@ -1,7 +1,8 @@
 """Evidence for rock, learned from pictures whose rock pixels people have outlined.
 
 Learned are: which smooth pixels count as soil, evidence of the first and the second look, evidence for pictures
-without colour, the threshold and how narrow a neck parts two rocks. All else comes from the knowledge to begin with.
+without colour, the threshold, how narrow a neck parts two rocks, and how certain a blob must be to count. All else
+comes from the knowledge to begin with.
 """
 
 from __future__ import annotations
@@ -17,11 +18,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from perception.additive_fit import fit_additive, quantile_knots
-from perception.binarize import evidence_score, rock_mask
-from perception.blobs import find_blobs
+from perception.binarize import Binarized, evidence_score, rock_mask
 from perception.cues import Planes, SingleArray, colour_likeness, cue_planes
-from perception.knowledge_base import Binarization, Cue, CueSet, Knowledge, RockCues, SoilKnowledge
-from perception.pipeline import hidden_mask, smoothed
+from perception.knowledge_base import Cue, CueSet, Knowledge, RockCues, SoilKnowledge
+from perception.pipeline import classify_blobs, hidden_mask, smoothed
 from perception.rock_score import RockCounts, count_rocks
 from perception.soil_reference import SoilReference, even_light, soil_reference
 from worlds.strict_toml import dump_toml
@@ -36,6 +36,7 @@ SOIL_CHOICES = tuple(product((9, 15), (10.0, 15.0, 20.0, 30.0)))  # window_px, s
 THRESHOLDS = (0.35, 0.4, 0.45, 0.5)
 SPAN = 0.15  # on either side of the threshold, for the optimum of a window
 NECK_RATIOS = (0.0, 0.4, 0.5, 0.6)
+CERTAINTIES = (0.4, 0.5, 0.6, 0.65, 0.7)
 _STRIDE = 4  # every fourth pixel across and down: neighbours tell the same
 _CHOICE_STRIDE = 8  # while the soil is chosen
 
@@ -50,10 +51,11 @@ class Example:
 
 @dataclass(frozen=True, eq=False)
 class _Smoothed:
-    """An example after the low-pass."""
+    """An example with its picture after the low-pass."""
 
     lab: SingleArray
     grey: ByteArray
+    soft: ByteArray  # grey, after the low-pass
     hidden: BoolArray
     rock: BoolArray
 
@@ -64,6 +66,7 @@ class _Prepared:
 
     lab: SingleArray  # evenly lit
     grey: ByteArray
+    soft: ByteArray
     hidden: BoolArray
     rock: BoolArray
     soil: SoilReference
@@ -82,7 +85,7 @@ def learn_rocks(examples: Sequence[Example], know: Knowledge) -> Knowledge:
         one.planes["likeness"] = colour_likeness(one.lab, evidence_score(one.planes, first), one.soil, one.hidden)
     grey = [_prepare(_smooth(Example(to_grey(one.picture), one.rock), know), know) for one in examples]
     know = replace(know, second_cues=fit_cues(ready, SECOND_CUES), grey_cues=fit_cues(grey, GREY_CUES))
-    return replace(know, binarization=choose_cuts(ready, know))
+    return choose_cuts(ready, know)
 
 
 def choose_soil(examples: Sequence[_Smoothed], know: Knowledge) -> SoilKnowledge:
@@ -97,25 +100,33 @@ def choose_soil(examples: Sequence[_Smoothed], know: Knowledge) -> SoilKnowledge
     return chosen
 
 
-def choose_cuts(ready: Sequence[_Prepared], know: Knowledge) -> Binarization:
-    """The threshold with which rock pixels fit best (IoU), then the neck ratio with which rock objects do (F1)."""
-    how, scores = know.binarization, []
+def choose_cuts(ready: Sequence[_Prepared], know: Knowledge) -> Knowledge:
+    """The threshold that fits rock pixels best (IoU); then neck ratio and least certainty, by rock objects (F1)."""
+    scores = []
     for one in ready:
         scores.append(evidence_score(one.planes, know.second_cues or know.cues))
         scores[-1][one.hidden] = 0.0
 
-    def counts(how: Binarization) -> RockCounts:
-        masks = [rock_mask(score, one.grey, how) for score, one in zip(scores, ready, strict=True)]
-        blobs = [find_blobs(mask, how.min_area_px, how.neck_ratio) for mask in masks]
-        return sum((count_rocks(b.labels, one.rock) for b, one in zip(blobs, ready, strict=True)), RockCounts())
+    def counts(know: Knowledge) -> RockCounts:
+        total = RockCounts()
+        for one, score in zip(ready, scores, strict=True):
+            found = Binarized(score, rock_mask(score, one.soft, know.binarization))
+            total += count_rocks(classify_blobs(one.grey, found, one.hidden, know)[0].labels, one.rock)
+        return total
 
-    levels = [
-        msgspec.structs.replace(how, threshold=t, threshold_span=(round(t - SPAN, 3), round(t + SPAN, 3)))
-        for t in THRESHOLDS
-    ]
-    how = max(levels, key=lambda level: counts(level).iou)
-    necks = [msgspec.structs.replace(how, neck_ratio=ratio) for ratio in NECK_RATIOS]
-    return max(necks, key=lambda neck: counts(neck).object_f1)
+    know = max((_with_cut(know, threshold=t) for t in THRESHOLDS), key=lambda k: counts(k).iou)
+    know = max((_with_cut(know, neck_ratio=n) for n in NECK_RATIOS), key=lambda k: counts(k).object_f1)
+    return max((_with_certainty(know, c) for c in CERTAINTIES), key=lambda k: counts(k).object_f1)
+
+
+def _with_cut(know: Knowledge, **cut: float) -> Knowledge:
+    how = msgspec.structs.replace(know.binarization, **cut)
+    span = (round(how.threshold - SPAN, 3), round(how.threshold + SPAN, 3))
+    return replace(know, binarization=msgspec.structs.replace(how, threshold_span=span))
+
+
+def _with_certainty(know: Knowledge, least: float) -> Knowledge:
+    return replace(know, rock=msgspec.structs.replace(know.rock, min_certainty=least))
 
 
 def fit_cues(ready: Sequence[_Prepared], names: Sequence[str], stride: int = _STRIDE) -> CueSet:
@@ -139,7 +150,7 @@ def to_grey(picture: ByteArray) -> ByteArray:
 
 def learned_tables(know: Knowledge) -> dict[str, str]:
     """The learned tables of a knowledge file, as TOML by name."""
-    tables = {name: f"[{name}]\n" + dump_toml(getattr(know, name)) for name in ("soil", "binarization")}
+    tables = {name: f"[{name}]\n" + dump_toml(getattr(know, name)) for name in ("soil", "binarization", "rock")}
     tables["cues"] = cues_toml("cues", know.cues)
     for name in ("second_cues", "grey_cues"):
         cues: CueSet | None = getattr(know, name)
@@ -159,15 +170,18 @@ def cues_toml(table: str, cues: CueSet) -> str:
 
 
 def _smooth(example: Example, know: Knowledge) -> _Smoothed:
-    lab, grey = smoothed(example.picture, know.binarization.blur_px)
-    return _Smoothed(lab, grey, hidden_mask(to_grey(example.picture), lab, None, know), example.rock)
+    grey = to_grey(example.picture)
+    lab, soft = smoothed(example.picture, know.binarization.blur_px)
+    return _Smoothed(lab, grey, soft, hidden_mask(grey, lab, None, know), example.rock)
 
 
 def _prepare(one: _Smoothed, know: Knowledge) -> _Prepared:
     soil = soil_reference(one.lab, one.hidden, know.soil)
     even = even_light(one.lab, soil)
     window, shade = know.binarization.roughness_window_px, know.cues.shade_compensation
-    return _Prepared(even, one.grey, one.hidden, one.rock, soil, cue_planes(even, soil, FIRST_CUES, shade, window))
+    return _Prepared(
+        even, one.grey, one.soft, one.hidden, one.rock, soil, cue_planes(even, soil, FIRST_CUES, shade, window)
+    )
 
 
 def _sampled(one: _Prepared, plane: NDArray[Any], stride: int) -> NDArray[Any]:
