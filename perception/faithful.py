@@ -24,11 +24,12 @@ from worlds.types import ByteArray, IntArray
 
 HOW = Binarization(blur_px=1.2, edge_score=0.0)
 _WINDOW_PX = 20
+_LEAST_CERTAINTY = 0.4
 _LEAST_SPREAD = 8 / 255  # a window whose grey levels deviate by less has no two classes
 
 
 def paper_rocks(image: ByteArray, know: Knowledge) -> IntArray:
-    """Rock ids (240, 320), 0 = none, of a picture of any size; only sky and least certainty come from ``know``."""
+    """Rock ids (240, 320), 0 = none, of a picture of any size; only the sky comes from ``know``."""
     picture = working_picture(image)
     grey = picture if picture.ndim == 2 else np.asarray(cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY), dtype=np.uint8)
     lab, soft = smoothed(picture, HOW.blur_px)
@@ -37,7 +38,7 @@ def paper_rocks(image: ByteArray, know: Knowledge) -> IntArray:
     dark = (level < grey_thresholds(level)) & ~hidden
     blobs = find_blobs(clean(close_edges(dark, level, soft, HOW), HOW), HOW.min_area_px)
     certainty = rock_certainty(blob_features(grey, level, blobs), paper_rules())
-    return select(blobs, certainty >= know.rock.min_certainty).labels
+    return select(blobs, certainty >= _LEAST_CERTAINTY).labels
 
 
 def grey_thresholds(level: SingleArray) -> SingleArray:
