@@ -33,6 +33,7 @@ from rover_sim.sim.ruts import SavedRuts
 from rover_sim.sim.simulation import Simulation
 from rover_sim.sim.vehicle_state import VehicleState, trace_columns
 from rover_sim.summary import Identity, summarize
+from rover_sim.true_obstacles import check_start
 from worlds.geometry import camera_pose, rotation_from_quaternion, to_the_right
 from worlds.types import Footprint, Frame, Pose, RangeScan, Vector3, World
 
@@ -85,6 +86,7 @@ class Traverse:
         scenario = world.scenario
         self.world, self._options = world, options
         self._footprint = rover.footprint()
+        check_start(world, self._footprint)
         self._camera = rover.camera(scenario.camera)
         self._sensor_model = SensorModel(gravity_m_s2=scenario.gravity_m_s2)
         self._camera_rng = np.random.default_rng([world.seed, CAMERA_STREAM])

@@ -4,19 +4,23 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import msgspec
 import numpy as np
 import pytest
 
 from rover_sim.outcome import Judge, Limits, Reason
 from rover_sim.sim.rover import load_rover
 from rover_sim.sim.simulation import Simulation
+from rover_sim.traverse import RunOptions, Traverse
 from rover_sim.trials.course import Course, course_scenario
 from rover_sim.trials.drive import drive
 from rover_sim.trials.suites import trials_of
 from rover_sim.trials.trial import Row, Trial
+from rover_sim.true_obstacles import check_start
 from tests.data import data_path
 from worlds.build import build_world
-from worlds.scenario import Camera, Goal, Rocks, Scenario, Sensors, SoilChoice, Terrain
+from worlds.errors import ScenarioError
+from worlds.scenario import Camera, Goal, Obstacle, Rocks, Scenario, Sensors, SoilChoice, Terrain
 
 
 def _row(tmp_path: Path, sensors: str, world: float) -> Row:
@@ -88,3 +92,18 @@ def test_an_eye_that_falls_silent_ends_the_run_with_its_name(
     assert (row.success, row.reason) == (False, "sensor_lost")
     assert row.metrics["detail"].startswith(f"the {name} has been silent for")
     assert row.metrics["sim_time_s"] < 4.5
+
+
+def test_a_start_on_a_rock_is_refused_by_its_place() -> None:
+    scenario = Scenario(
+        name="x",
+        terrain=Terrain(kind="flat", size_m=(14.0, 10.0), resolution_m=0.1),
+        rocks=Rocks(cfa=0.0),
+        obstacle=(Obstacle(kind="rock", position_m=(0.55, 0.1), radius_m=0.2, height_m=0.3),),
+        goal=Goal(position_m=(8.0, 0.0)),
+    )
+    husky = load_rover("husky")
+    with pytest.raises(ScenarioError, match=r"rover.start_m = .* would stand on the obstacle at \[0\.5"):
+        Traverse(build_world(scenario, 0), husky, RunOptions())
+    low = (msgspec.structs.replace(scenario.obstacle[0], height_m=0.1),)
+    check_start(build_world(msgspec.structs.replace(scenario, obstacle=low), 0), husky.footprint())

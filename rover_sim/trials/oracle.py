@@ -6,6 +6,7 @@ import numpy as np
 
 from planner.obstacle_map import obstacle_grid, segment_clearance
 from planner.row_kernels import cost_to_go
+from rover_sim.true_obstacles import obstacle_table
 from worlds.types import FloatArray, Footprint, World
 
 STEP_M = 0.05
@@ -18,7 +19,7 @@ def oracle_length_m(world: World, footprint: Footprint) -> float | None:
     The way keeps half the rover's width from every obstacle higher than its belly. Turning needs room too, which this
     leaves out.
     """
-    table = _obstacles(world, footprint.clearance_m)
+    table = obstacle_table(world, footprint.clearance_m)
     need = footprint.width_m / 2.0
     start, goal = world.start.position_w[:2], np.asarray(world.goal_w[:2])
     low, high = _limits(world, start, goal)
@@ -39,19 +40,6 @@ def oracle_length_m(world: World, footprint: Footprint) -> float | None:
         cells.append(int(onward.flat[cells[-1]]))
     way = places.reshape(-1, 2)[cells]
     return float(np.linalg.norm(np.diff(_pulled(way, table, need - STEP_M), axis=0), axis=1).sum())
-
-
-def _obstacles(world: World, height_m: float) -> FloatArray:
-    """Obstacles (N, 7) as in `planner.obstacle_map.obstacles`, from the true rocks and cylinders above a height."""
-    length, width, height = world.rocks.extents_m.T
-    half = 0.5 * np.maximum(length - width, 0.0)
-    yaw = world.rocks.yaw_rad
-    axis = half[:, None] * np.stack([np.cos(yaw), np.sin(yaw)], axis=1)
-    centre = world.rocks.position_w[:, :2]
-    one = np.ones(len(height))
-    rocks = np.column_stack([centre - axis, centre + axis, 0.5 * np.minimum(width, length), one, one])
-    pillars = [(*item.position_w[:2], *item.position_w[:2], item.radius_m, 1.0, 1.0) for item in world.cylinders]
-    return np.concatenate([rocks[height > height_m], np.array(pillars, dtype=np.float64).reshape(-1, 7)])
 
 
 def _limits(world: World, start: FloatArray, goal: FloatArray) -> tuple[FloatArray, FloatArray]:
