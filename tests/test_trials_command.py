@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import json
 import sqlite3
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
+from rover_sim import __version__, parallel
 from rover_sim.cli import main
 from rover_sim.commands.trials import _cells, _seeds
+from rover_sim.trials.trial import Row
 
 SHORT = """
 name = "short"
@@ -25,6 +28,7 @@ preset = "firm"
 position_m = [2.0, 0.5]
 time_limit_s = 60.0
 """
+METRICS = {"oracle_length_m": 2.0, "spl": 1.0, "violations": []}
 COLUMNS = ["key", "suite", "cell", "seed", "success", "reason", "metrics", "error", "wall_time_s", "version"]
 
 
@@ -61,6 +65,41 @@ def test_trials_leave_table_and_report_and_go_on(tmp_path: Path, capsys: pytest.
     assert (out / "report.html").read_text().startswith("<!doctype html>")
     assert _trials(out, "--seeds", "1") == 2
     assert "--resume" in capsys.readouterr().err
+
+
+def test_an_interrupted_suite_keeps_its_rows_and_leaves_a_report(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "out"
+
+    def stopped(_tasks: object, _workers: int, _timeout_s: float) -> Iterator[tuple[int, Row | parallel.Lost]]:
+        (out / ".trial-of-one-under-way").mkdir()
+        yield (
+            3,
+            Row(
+                "short/scenario=short/seed=3",
+                "short",
+                {"scenario": "short"},
+                3,
+                True,
+                "goal",
+                METRICS,
+                None,
+                1.0,
+                __version__,
+            ),
+        )
+        yield 1, parallel.Lost("its process died with exit code 9")
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(parallel, "in_processes", stopped)
+    assert _trials(out, "--seeds", "5") == 130
+    report = json.loads((out / "report.json").read_text())
+    assert (report["complete"], report["planned"]) == (False, 5)
+    assert report["total"]["reasons"] == {"goal": 1, "error": 1}
+    assert "died with exit code 9" in (out / "report.html").read_text()
+    assert not list(out.glob(".trial-*"))
+    assert "1 of 2" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(
