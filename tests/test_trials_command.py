@@ -27,6 +27,10 @@ preset = "firm"
 [goal]
 position_m = [2.0, 0.5]
 time_limit_s = 60.0
+[sensors]
+laser = true
+[camera]
+rate_hz = 0.0
 """
 METRICS = {"oracle_length_m": 2.0, "spl": 1.0, "violations": []}
 COLUMNS = ["key", "suite", "cell", "seed", "success", "reason", "metrics", "error", "wall_time_s", "version"]
