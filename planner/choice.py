@@ -35,6 +35,7 @@ class Place:
     goal_radius_m: float
     slope_deg: float = 0.0
     bold: bool = False  # may turn over ground that was never seen
+    speed_m_s: float = 0.0
 
 
 @dataclass(frozen=True)

@@ -29,14 +29,17 @@ class SpeedModel:
     tight_m: float = 0.05  # room beside the rover at which it creeps
     gain_per_s: float = 2.5  # speed a metre of room beyond that
     brake_m_s2: float = 0.9
+    guard_m: float = 2.0  # so far straight ahead is looked for what would be hit
+    reaction_s: float = 0.3  # from a look to slower wheels
+    creep_m_s: float = 0.12
     unseen_m_s: float = 0.8  # into ground that no beam has crossed
     unseen_cost: float = 0.3  # of a metre over such ground, beside its time
     margin_m: float = 0.06  # beyond half the width, the least that is driven
     path_slack: float = 0.03  # of its cost, that a straight piece may cost more
     most_leg_m: float = 1.5
     depth_m: float = 9.0  # of a way that is handed on
-    jump_s: float = 0.4  # a way replaces the one being driven if it is quicker by this ...
-    jump_share: float = 0.08  # ... and this share
+    jump_s: float = 0.8  # a way replaces the one being driven if it is quicker by this ...
+    jump_share: float = 0.10  # ... and this share
     turn_s_rad: float = 0.8  # time that turning onto a way takes
 
 
@@ -75,6 +78,20 @@ class Corridor:
         allowed = np.where(self.unseen[at] > 0, np.minimum(allowed, model.unseen_m_s), allowed)
         arcs = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
         return float(np.sqrt(allowed**2 + 2.0 * model.brake_m_s2 * arcs).min())
+
+    def guarded_m_s(self, place: Place) -> float:
+        """The speed from which the rover can brake before what stands straight ahead, wherever its way leads."""
+        model = self.model
+        arcs = CELL_M * np.arange(round(model.guard_m / CELL_M))
+        heading = np.array([np.cos(place.heading_rad), np.sin(place.heading_rad)])
+        cells = np.round(self.cells(np.asarray(place.position_w) + arcs[:, None] * heading)).astype(int)
+        cells = np.clip(cells, 0, np.array(self.clearance_m.shape) - 1)
+        blocked = np.flatnonzero(self.clearance_m[cells[:, 0], cells[:, 1]] < self.footprint.width_m / 2.0 + 0.02)
+        if not len(blocked):
+            return model.most_m_s
+        room = arcs[blocked[0]] - self.footprint.length_m / 2.0
+        late = model.brake_m_s2 * model.reaction_s
+        return max(float(np.sqrt(late**2 + 2.0 * model.brake_m_s2 * max(room, 0.0)) - late), model.creep_m_s)
 
 
 def room_speed(clearance_m: Layer, footprint: Footprint, model: SpeedModel) -> FloatArray:
@@ -116,9 +133,9 @@ def _let_leave(cost: FloatArray, clearance: Layer, here: FloatArray) -> None:
 
 
 def turn_onto(way_w: FloatArray, place: Place) -> float:
-    """Angle from the rover's heading to where a way (N, 2) leads in its first half metre."""
+    """Angle from the rover's heading to where a way (N, 2) leads in its first half metre, or half second more."""
     arcs = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(way_w, axis=0), axis=1))])
-    ahead = [np.interp(0.5, arcs, way_w[:, axis]) - place.position_w[axis] for axis in (0, 1)]
+    ahead = [np.interp(0.5 + 0.5 * place.speed_m_s, arcs, way_w[:, axis]) - place.position_w[axis] for axis in (0, 1)]
     return wrap_angle(float(np.arctan2(ahead[1], ahead[0])) - place.heading_rad)
 
 

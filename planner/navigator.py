@@ -168,7 +168,7 @@ def _by_laser(
         if not right <= turn <= left:
             backing = replace(state, ladder=replace(state.ladder, back_first=True))
             return _recover(backing, choice, around, place, time_s)
-    decision = replace(way, speed_m_s=found.speed_m_s(rest))
+    decision = replace(way, speed_m_s=min(found.speed_m_s(rest), found.guarded_m_s(place)))
     return replace(state, way=decision, detour=False), decision
 
 
@@ -181,9 +181,9 @@ def _as_quick(state: NavigatorState, found: Corridor, rest: FloatArray, fresh: C
     if not near_goal and _length(rest) < model.extend_below_m:
         return False
     most = model.speed.most_m_s
+    turn_s_rad = model.speed.turn_s_rad * (1.0 + place.speed_m_s)  # at speed it must brake first
     old, new = (
-        found.way_cost(way, goal) + most * model.speed.turn_s_rad * abs(turn_onto(way, place))
-        for way in (rest, fresh.waypoints_w)
+        found.way_cost(way, goal) + most * turn_s_rad * abs(turn_onto(way, place)) for way in (rest, fresh.waypoints_w)
     )
     return old < new * (1.0 + model.speed.jump_share) + model.speed.jump_s * most
 
@@ -227,7 +227,8 @@ def _take_in(
 def _place(state: NavigatorState, estimate: PoseEstimate) -> Place:
     x, y = (float(value) for value in estimate.pose.position_w[:2])
     yaw = euler_from_quaternion(estimate.pose.quaternion_w)[2]
-    return Place((x, y), yaw, state.goal_w, state.goal_radius_m, float(np.rad2deg(state.slope_rad)), state.ladder.bold)
+    slope_deg, speed = float(np.rad2deg(state.slope_rad)), float(np.linalg.norm(estimate.velocity_w[:2]))
+    return Place((x, y), yaw, state.goal_w, state.goal_radius_m, slope_deg, state.ladder.bold, speed)
 
 
 def _table(state: NavigatorState) -> FloatArray:

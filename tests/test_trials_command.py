@@ -42,6 +42,7 @@ def _trials(out: Path, *arguments: str) -> int:
     return main(["trials", str(scenario), "--out", str(out), *arguments])
 
 
+@pytest.mark.timeout(400)  # two spawned processes that import everything: slow where others load the machine
 def test_trials_leave_table_and_report_and_go_on(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = tmp_path / "out"
     assert _trials(out, "--seeds", "1", "--workers", "1") == 0
