@@ -20,11 +20,18 @@ import numpy as np
 from perception.knowledge_base import load_knowledge
 from perception.pipeline import Perception, perceive
 from perception.ttam import ttam
-from rover_sim.learning.rendered_views import RenderedView, TrueRocks, make_world, rendered_views
+from rover_sim.learning.rendered_views import (
+    LEAST_M,
+    WITHIN_M,
+    RenderedView,
+    counted,
+    make_world,
+    matches,
+    rendered_views,
+)
 from rover_sim.scoring import true_classes
-from worlds.types import BoolArray, FloatArray, IntArray, PerceivedRock
+from worlds.types import BoolArray, FloatArray, PerceivedRock
 
-LEAST_M, WITHIN_M, LEAST_SHARE, LEAST_PX = 0.10, 5.0, 0.5, 12
 RANGES_M = ((0.0, 2.0), (2.0, 3.0), (3.0, 4.0), (4.0, 5.0))
 SIZES_PX = ((12, 20), (20, 40), (40, 100), (100, 100000))
 
@@ -40,21 +47,6 @@ class Score:
     ttams: list[float] = field(default_factory=list)
     sizes: list[tuple[bool, bool, int]] = field(default_factory=list)  # counted, found, pixels
     pairs: list[tuple[float, ...]] = field(default_factory=list)  # see `measured`
-
-
-def matches(labels: IntArray, ids: IntArray) -> dict[int, int]:
-    """True id by reported label, both pictures (H, W): more than half of each one's pixels belong to the other."""
-    both = (labels > 0) & (ids > 0)
-    pairs, common = np.unique(np.stack([labels[both], ids[both]], axis=-1), axis=0, return_counts=True)
-    found_px, true_px = np.bincount(labels.ravel()), np.bincount(ids[ids > 0])
-    mutual = (2 * common > found_px[pairs[:, 0]]) & (2 * common > true_px[pairs[:, 1]])
-    return {int(label): int(identity) for label, identity in pairs[mutual]}
-
-
-def counted(rocks: TrueRocks) -> BoolArray:
-    """Which rocks (R,) the figures are about."""
-    wanted = (rocks.diameter_m >= LEAST_M) & (rocks.range_m <= WITHIN_M) & ~rocks.cut
-    return np.asarray(wanted & (rocks.seen_share >= LEAST_SHARE) & (rocks.seen_px >= LEAST_PX))
 
 
 def measured(view: RenderedView, rock: PerceivedRock, row: int) -> tuple[float, ...]:

@@ -104,11 +104,8 @@ def examine(
 def on_ground(found: Perception, view: View, time_s: float, knowledge: Knowledge) -> Perception:
     """The same with its rocks and windows placed on the ground that ``view`` looks at."""
     certainty = np.array([rock.certainty for rock in found.rocks])
-    whole = place_rocks(view, found.outlines, certainty, found.scale, knowledge.ground)
-    placed = [
-        replace(place, cut=rock.touches_border) if place is not None else None
-        for rock, place in zip(found.rocks, whole, strict=True)
-    ]
+    cut = np.array([rock.touches_border for rock in found.rocks], dtype=bool)
+    placed = place_rocks(view, found.outlines, certainty, cut, found.scale, knowledge.ground)
     reach = knowledge.ground.max_range_m
     shape = (found.classes.shape[0], found.classes.shape[1])
     observation = Observation(
@@ -118,7 +115,9 @@ def on_ground(found: Perception, view: View, time_s: float, knowledge: Knowledge
         window_centres(view.camera, view.pose, view.plane, shape, reach),
         footprint(view.camera, view.pose, view.plane, reach),
     )
-    rocks = tuple(replace(rock, placed=place) for rock, place in zip(found.rocks, placed, strict=True))
+    rocks = tuple(
+        rock if place is None else replace(rock, placed=place) for rock, place in zip(found.rocks, placed, strict=True)
+    )
     return replace(found, rocks=rocks, observation=observation)
 
 

@@ -20,7 +20,8 @@ _FLOOR = 0.01  # keeps the logarithm of a flat blob finite
 def blob_features(grey: ByteArray, score: NDArray[np.float32], blobs: Blobs) -> dict[str, FloatArray]:
     """Inputs of the classifier, each (R,): log10 contrast, energy, log10 variance, log10 area in pixels, mean score."""
     texture = region_texture(grey, blobs.labels, blobs.box_px)
-    total = np.bincount(blobs.labels.ravel(), weights=score.ravel(), minlength=len(blobs) + 1)[1:]
+    inside = blobs.labels > 0
+    total = np.bincount(blobs.labels[inside], weights=score[inside], minlength=len(blobs) + 1)[1:]
     area = np.maximum(blobs.area_px, 1).astype(np.float64)
     return {
         "contrast": np.log10(np.maximum(texture.contrast, _FLOOR)),

@@ -22,7 +22,7 @@ from perception.ground import ground_points, ground_range, height_over, range_sd
 from perception.knowledge_base import GroundKnowledge
 from perception.rock_geometry import RockOutlines
 from worlds.geometry import rotation_from_quaternion
-from worlds.types import CameraModel, FloatArray, GroundPlane, PerceivedRock, Pose
+from worlds.types import BoolArray, CameraModel, FloatArray, GroundPlane, PerceivedRock, Pose
 
 _HEIGHT_OVER_DIAMETER = 0.38  # of the usual rock; they are 0.25 to 0.5 of their diameter high
 _HEIGHT_LIMITS = (0.2, 0.6)
@@ -47,10 +47,14 @@ def place_rocks(
     view: View,
     shape: RockOutlines,
     certainty: FloatArray,
+    cut: BoolArray,
     scale: tuple[float, float],
     know: GroundKnowledge,
 ) -> list[PerceivedRock | None]:
-    """Ground rocks, one a blob, None beyond the range; ``scale`` turns outline pixels into the camera's."""
+    """Ground rocks, one a blob, None beyond the range.
+
+    ``cut`` (R,) marks blobs that leave the picture; ``scale`` turns outline pixels into the camera's.
+    """
     left, right = shape.left_px * scale[0], shape.right_px * scale[0]
     middle = (left + right) / 2.0
     base = shape.base_px * scale[1]
@@ -90,6 +94,7 @@ def place_rocks(
                 formation=int(shape.formation[i]),
                 range_m=float(reach[i]),
                 position_sd_m=float(sigma[i]),
+                cut=bool(cut[i]),
             )
         )
     return placed

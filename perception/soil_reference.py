@@ -17,6 +17,7 @@ from worlds.types import BoolArray, FloatArray
 
 SingleArray = NDArray[np.float32]
 _TREND_ROUNDS, _TREND_STRIDE = 3, 7  # a seventh of the soil pixels tells the trend as well
+_SAMPLE_STRIDE = 3  # a third of the pixels at half resolution tells a percentile as well
 _GREY_SATURATION = 0.5  # mean |a*| + |b*| under which a picture carries no colour
 
 
@@ -49,16 +50,16 @@ def soil_reference(lab: SingleArray, hidden: BoolArray, know: SoilKnowledge) -> 
     box = (know.window_px, know.window_px)
     mean = cv2.blur(lightness, box)
     variance = np.maximum(cv2.blur(lightness * lightness, box) - mean * mean, 0.0)
-    dark, bright = np.percentile(lightness[seen], [know.dark_percentile, know.bright_percentile])
-    soil = seen & (variance <= np.percentile(variance[seen], know.smooth_percentile))
+    dark, bright = np.percentile(lightness[seen][::_SAMPLE_STRIDE], [know.dark_percentile, know.bright_percentile])
+    soil = seen & (variance <= np.percentile(variance[seen][::_SAMPLE_STRIDE], know.smooth_percentile))
     between = soil & (lightness > dark) & (lightness < bright)
     chosen = between if between.any() else soil
     trend = _fit_trend(lightness, chosen, know.trend_stiffness)
-    colour = np.median(half[chosen], axis=0).astype(np.float32)
+    colour = np.median(half[chosen][::_SAMPLE_STRIDE], axis=0).astype(np.float32)
     colour[0] = max(float(colour[0]), 1.0)  # black soil would make every ratio to it meaningless
     gradient = mean_gradient(lab[..., 0], know.window_px)[::2, ::2][: half.shape[0], : half.shape[1]][seen]
     coloured = is_coloured(np.asarray(half, dtype=np.float32))
-    usual = float(np.percentile(gradient, know.gradient_percentile)) + know.gradient_floor
+    usual = float(np.percentile(gradient[::_SAMPLE_STRIDE], know.gradient_percentile)) + know.gradient_floor
     return SoilReference(colour, usual, trend, coloured)
 
 

@@ -48,7 +48,7 @@ def dome_outline(seen: View, x: float, y: float, radius: float, height: float) -
 
 
 def place(seen: View, shape: RockOutlines, know: GroundKnowledge | None = None) -> PerceivedRock | None:
-    return place_rocks(seen, shape, np.array([0.9]), (1.0, 1.0), know or GroundKnowledge())[0]
+    return place_rocks(seen, shape, np.array([0.9]), np.array([False]), (1.0, 1.0), know or GroundKnowledge())[0]
 
 
 @given(st.floats(1.5, 6.0), st.floats(-0.35, 0.35), st.floats(0.1, 0.35), st.floats(0.6, 0.9), st.floats(-3.0, 3.0))

@@ -26,6 +26,7 @@ COVERS = (0.05, 0.03, 0.08)  # share of the ground under rock
 WORLD_M, EDGE_M = 30.0, 3.0
 REACH_M, LEAST_DEPTH_M = 12.0, 0.7  # rocks farther away, or nearer than any that is seen, get no truth
 _STANDING_ROOM_M = 0.5
+LEAST_M, WITHIN_M, LEAST_SHARE, LEAST_PX = 0.10, 5.0, 0.5, 12  # of the rocks that figures are about
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,6 +133,21 @@ def true_rocks(world: World, frame: Frame, ids: IntArray) -> TrueRocks:
         np.array([cv2.contourArea(hull) for hull in outlines]),
         np.array([bool(((hull < 0) | (hull > size)).any()) for hull in outlines], dtype=bool),
     )
+
+
+def counted(rocks: TrueRocks) -> BoolArray:
+    """Which rocks (R,) the figures are about."""
+    wanted = (rocks.diameter_m >= LEAST_M) & (rocks.range_m <= WITHIN_M) & ~rocks.cut
+    return np.asarray(wanted & (rocks.seen_share >= LEAST_SHARE) & (rocks.seen_px >= LEAST_PX))
+
+
+def matches(labels: IntArray, ids: IntArray) -> dict[int, int]:
+    """True id by reported label, both pictures (H, W): more than half of each one's pixels belong to the other."""
+    both = (labels > 0) & (ids > 0)
+    pairs, common = np.unique(np.stack([labels[both], ids[both]], axis=-1), axis=0, return_counts=True)
+    found_px, true_px = np.bincount(labels.ravel()), np.bincount(ids[ids > 0])
+    mutual = (2 * common > found_px[pairs[:, 0]]) & (2 * common > true_px[pairs[:, 1]])
+    return {int(label): int(identity) for label, identity in pairs[mutual]}
 
 
 def _body_pose(stand: GroundPlane, yaw_rad: float, wheel_radius_m: float) -> Pose:
