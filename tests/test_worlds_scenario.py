@@ -105,7 +105,7 @@ def test_any_scenario_survives_the_round_trip(name: str, x: float, yaw: float, g
 
 def test_every_number_has_a_range() -> None:
     terrain = Terrain(crop_m=(0.0, 0.0, 1.0, 1.0), height_range_m=(0.0, 1.0))
-    obstacle = Obstacle(kind="rock", position_m=(0.0, 0.0), radius_m=1.0, height_m=1.0)
+    obstacle = Obstacle(kind="rock", position_m=(0.0, 0.0), radius_m=1.0, height_m=1.0, aspect=1.5, sections=(0.5,) * 9)
     patch = SoilPatch(kind="disc", preset="firm", position_m=(0.0, 0.0), radius_m=1.0, size_m=(1.0, 1.0))
     soil = SoilChoice(patch=(patch,))
     camera, sensors = Camera(height_m=1.0), Sensors(laser_fails_s=1.0, camera_fails_s=1.0)
