@@ -114,6 +114,7 @@ def on_ground(found: Perception, view: View, time_s: float, knowledge: Knowledge
         found.classes,
         window_centres(view.camera, view.pose, view.plane, shape, reach),
         footprint(view.camera, view.pose, view.plane, reach),
+        view.plane,
     )
     rocks = tuple(
         rock if place is None else replace(rock, placed=place) for rock, place in zip(found.rocks, placed, strict=True)

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from planner.ground_cells import GroundCells, sample
+from planner.ground_cells import GroundCells, sample_grid
+from planner.map_kernels import cost_to_go, metre_costs
 from planner.obstacle_map import DriveModel, let_leave, near, obstacle_grid
-from planner.row_kernels import cost_to_go
 from worlds.types import FloatArray, IntArray
 
 STEP_M = 0.15
@@ -20,6 +20,7 @@ HALF_SIZE_M = 13.5
 UNSEEN_COST = 0.5
 HILL_COST = 0.8
 NEAR_COST = 1.0
+ROUGH_COST = 0.4
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,18 +68,21 @@ def goal_field(
     high = low + STEP_M * (count - 1)
     table = let_leave(near(table_w, place_w, 1.5 * HALF_SIZE_M), place_w, need_m)
     grid = obstacle_grid(table, (low[0], high[0]), (low[1], high[1]), (count, count))
+    frame = (float(low[0]), float(low[1]), 0.0)
+    unseen, rough = sample_grid(cells, frame, (0.0, 0.0, STEP_M, STEP_M), (count, count))
+    prices = (HILL_COST, NEAR_COST, UNSEEN_COST, ROUGH_COST)
+    cost = metre_costs(grid.clearance_m, grid.hill, unseen, rough, need_m, drive.comfort_m, prices)
     axis = STEP_M * np.arange(count)
-    places = np.stack(np.meshgrid(low[0] + axis, low[1] + axis, indexing="ij"), axis=-1)
-    seen, rough = sample(cells, places)
-    close = np.clip((need_m + drive.comfort_m - grid.clearance_m) / drive.comfort_m, 0.0, 1.0)
-    cost = 1.0 + HILL_COST * grid.hill + NEAR_COST * close**2 + np.where(seen, 0.4 * rough, UNSEEN_COST)
-    cost[grid.clearance_m < need_m] = np.inf
-    distance = np.linalg.norm(places - goal_w, axis=-1)
-    seeds = np.where((distance <= max(0.7 * goal_radius_m, STEP_M)) & np.isfinite(cost), distance, np.inf)
+    distance = np.hypot((low[0] + axis - goal_w[0])[:, None], low[1] + axis - goal_w[1])
+    seeds = np.full((count, count), np.inf)
     if np.any(np.abs(goal_w - place_w) > HALF_SIZE_M - STEP_M):
         border = np.zeros((count, count), dtype=bool)
         border[[0, -1], :] = border[:, [0, -1]] = True
+        seedable = border & np.isfinite(cost)
         # Beyond the square the way is unknown: it is charged as unseen ground.
-        seeds = np.where(border & np.isfinite(cost), (1.0 + UNSEEN_COST) * distance, np.inf)
+        seeds[seedable] = (1.0 + UNSEEN_COST) * distance[seedable]
+    else:
+        at_goal = (distance <= max(0.7 * goal_radius_m, STEP_M)) & np.isfinite(cost)
+        seeds[at_goal] = distance[at_goal]
     field, onward = cost_to_go(cost, seeds, STEP_M)
     return GoalField(low, field, onward)

@@ -14,8 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.ground_cells import CELL_M as GROUND_CELL_M
-from planner.ground_cells import CELLS as GROUND_CELLS
-from planner.ground_cells import GroundCells
+from planner.ground_cells import GroundCells, Source, mark_seen
 from planner.laser_kernels import take_scan
 from worlds.geometry import rotation_from_quaternion
 from worlds.types import BoolArray, FloatArray, PoseEstimate, RangeScan
@@ -95,18 +94,12 @@ def note_scan(laser_map: LaserMap, scan: RangeScan, estimate: PoseEstimate) -> L
     return replace(moved, log_odds=log_odds, sd_m=sd)
 
 
-def mark_free(cells: GroundCells, laser_map: LaserMap) -> GroundCells:
+def mark_free(cells: GroundCells, laser_map: LaserMap, time_s: float) -> GroundCells:
     """The ground cells, seen where every laser cell in them has been passed by beams."""
     blocks = laser_map.log_odds.reshape(CELLS // BLOCK, BLOCK, CELLS // BLOCK, BLOCK)
     free = np.asarray((blocks < laser_map.trust.free_below).all(axis=(1, 3))).T
-    shift = np.round((laser_map.origin_w - cells.origin_w) / GROUND_CELL_M).astype(int)
-    low, high = np.maximum(shift, 0), np.minimum(shift + CELLS // BLOCK, GROUND_CELLS)
-    if np.any(low >= high):
-        return cells
-    seen = cells.seen.copy()
-    part = free[low[1] - shift[1] : high[1] - shift[1], low[0] - shift[0] : high[0] - shift[0]]
-    seen[low[1] : high[1], low[0] : high[0]] |= part
-    return replace(cells, seen=seen)
+    column, row = (int(value) for value in np.round((laser_map.origin_w - cells.origin_w) / GROUND_CELL_M))
+    return mark_seen(cells, free, (row, column), Source.LASER, time_s)
 
 
 def _returns(scan: RangeScan, estimate: PoseEstimate, trust: LaserTrust) -> tuple[FloatArray, BoolArray, FloatArray]:

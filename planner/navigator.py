@@ -9,7 +9,7 @@ import numpy as np
 
 from planner.choice import Choice, Models, Place, choose, way_cost
 from planner.corridor import Corridor, SpeedModel, choose_way, corridor, turn_onto
-from planner.ground_cells import mark_driven
+from planner.ground_cells import driven_view
 from planner.laser_map import LaserMap
 from planner.obstacle_map import obstacles, segment_clearance
 from planner.recovery import Ladder, Manoeuvre, finished, next_manoeuvre
@@ -22,6 +22,7 @@ from worlds.types import FloatArray, Footprint, Observation, PoseEstimate, Range
 LEAST_WAY_M = 0.3  # a shorter way ends where the rover stands, as path following sees it
 TURN_ON_SPOT_RAD = float(np.deg2rad(55.0))  # path following does such turns on the spot
 AROUND_M = 3.5  # of what the scanner saw, for manoeuvres
+STANDING_M = 0.4  # of ground around the rover that is known for it stands there
 START_CLEAR_M = 1.0  # the rover is set down on ground where it has room to turn
 Kind = Literal["drive", "look", "back_up", "arrived", "no_path"]
 
@@ -98,7 +99,7 @@ def begin(
     """State of a navigator that has seen nothing."""
     start = np.asarray(start_w, dtype=float)
     memory = empty_memory(start)
-    memory = replace(memory, cells=mark_driven(memory.cells, start, START_CLEAR_M))
+    memory = remember(memory, None, start, standing=driven_view(np.array([*start, 0.0]), START_CLEAR_M, 0.0))
     return NavigatorState(
         models or Models(footprint),
         model or NavigatorModel(),
@@ -201,12 +202,11 @@ def _take_in(
 ) -> NavigatorState:
     """Memory, odometer, slope and ladder after a look and a move."""
     place = estimate.pose.position_w[:2]
-    memory = state.memory
-    if observation is not None:
-        memory = remember(memory, observation, place, state.model.memory)
+    wheels = estimate.pose.position_w - np.array([0.0, 0.0, state.models.footprint.wheel_radius_m])
+    standing = driven_view(wheels, STANDING_M, estimate.time_s)
+    memory = remember(state.memory, observation, place, state.model.memory, standing=standing)
     if scan is not None:
         memory = remember_scan(memory, scan, estimate)
-    memory = replace(memory, cells=mark_driven(memory.cells, place, 0.4))
     moved = 0.0 if state.place_w is None else float(np.hypot(*(place - state.place_w)))
     travelled = state.travelled_m + moved
     distance = float(np.hypot(*(place - state.goal_w)))
@@ -220,7 +220,8 @@ def _take_in(
         slope_rad=state.slope_rad + (1.0 - np.exp(-moved / 1.0)) * (tilt - state.slope_rad),
         best_m=distance if better else state.best_m,
         best_at_m=travelled if better else state.best_at_m,
-        ladder=state.ladder.after_move(place, state.model.progress_m),
+        # Backing out is part of the ladder: only driving on gets the rover away from it.
+        ladder=state.ladder if state.way is None else state.ladder.after_move(place, state.model.progress_m),
     )
 
 

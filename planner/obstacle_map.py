@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from planner.row_kernels import least_clearance, rasterise
+from planner.map_kernels import Layer, bring_in, least_clearance, rasterise
 from planner.terrain_map import RockMemory
 from worlds.types import FloatArray, Footprint
 
@@ -65,8 +65,8 @@ class ObstacleGrid:
     y0_m: float
     step_x_m: float
     step_y_m: float
-    clearance_m: FloatArray  # (nx, ny) to the edge of the nearest hard rock, at most MAX_CLEARANCE_M
-    hill: FloatArray  # (nx, ny) convolved weights
+    clearance_m: Layer  # (nx, ny) to the edge of the nearest hard rock, at most MAX_CLEARANCE_M
+    hill: Layer  # (nx, ny) convolved weights
 
 
 def obstacles(rocks: RockMemory, model: DriveModel, climb_height_m: float) -> FloatArray:
@@ -96,6 +96,13 @@ def in_frame(table: FloatArray, frame: Frame2) -> FloatArray:
     moved[:, 0:2] = frame.to_local(table[:, 0:2])
     moved[:, 2:4] = frame.to_local(table[:, 2:4])
     return moved
+
+
+def around(table: FloatArray, frame: Frame2, reach_m: float, need_m: float) -> FloatArray:
+    """The obstacles within ``reach_m`` of a frame's origin, in that frame, as by `let_leave`."""
+    x, y = frame.origin_w
+    local: FloatArray = bring_in(np.ascontiguousarray(table), x, y, frame.heading_rad, reach_m, need_m)
+    return local
 
 
 def near(table: FloatArray, place_w: FloatArray, radius_m: float) -> FloatArray:
@@ -141,7 +148,8 @@ def obstacle_grid(
     """Clearance and hilly field of local obstacles on ``shape`` cells between the limits, both included."""
     step_x = (x_limits[1] - x_limits[0]) / max(shape[0] - 1, 1)
     step_y = (y_limits[1] - y_limits[0]) / max(shape[1] - 1, 1)
-    clearance = np.full(shape, MAX_CLEARANCE_M)
-    hill = np.zeros(shape)
-    rasterise(np.ascontiguousarray(table), x_limits[0], y_limits[0], step_x, step_y, clearance, hill)
-    return ObstacleGrid(x_limits[0], y_limits[0], step_x, step_y, clearance, hill)
+    clearance = np.full(shape, MAX_CLEARANCE_M, dtype=np.float32)
+    hill = np.zeros(shape, dtype=np.float32)
+    x0, y0 = float(x_limits[0]), float(y_limits[0])
+    rasterise(np.ascontiguousarray(table), x0, y0, step_x, step_y, MAX_CLEARANCE_M, clearance, hill)
+    return ObstacleGrid(x0, y0, step_x, step_y, clearance, hill)

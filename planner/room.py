@@ -6,7 +6,8 @@ import numpy as np
 
 from planner.ground_cells import GroundCells, sample
 from planner.obstacle_map import Frame2, in_frame, let_leave, near, segment_clearance
-from worlds.types import BoolArray, FloatArray, Footprint
+from planner.room_kernels import free_turns
+from worlds.types import FloatArray, Footprint
 
 GAP_M = 0.04  # between body and rock while turning or backing
 STEP_RAD = float(np.deg2rad(5.0))
@@ -29,13 +30,8 @@ def turn_range(
     if cells is not None:
         hard = np.vstack([hard, _unseen(cells, place_w, float(np.hypot(half_length, half_width)))])
     local = in_frame(hard, Frame2((float(place_w[0]), float(place_w[1])), heading_rad))
-    ends = []
-    for side in (-1.0, 1.0):
-        angles = side * np.arange(0.0, np.pi + 1e-9, STEP_RAD)
-        meets = _body_meets(local, angles, half_length, half_width)
-        hits = np.flatnonzero(meets[:, ~meets[0]].any(axis=1))
-        ends.append(float(angles[hits[0] - 1]) if len(hits) else side * float(np.pi))
-    return ends[0], ends[1]
+    right, left = free_turns(local, half_length, half_width, STEP_RAD)
+    return float(right), float(left)
 
 
 def backing_room(
@@ -73,15 +69,3 @@ def _unseen(cells: GroundCells, place_w: FloatArray, radius_m: float) -> FloatAr
     shape[:, 0:2] = shape[:, 2:4] = spots
     shape[:, 5:7] = 1.0
     return shape
-
-
-def _body_meets(local: FloatArray, angles: FloatArray, half_length: float, half_width: float) -> BoolArray:
-    """Whether the body, turned by each angle, meets each obstacle: (angles, N). Long rocks are sampled as discs."""
-    hits = np.zeros((len(angles), len(local)), dtype=bool)
-    cos, sin = np.cos(angles)[:, None], np.sin(angles)[:, None]
-    for share in (0.0, 0.5, 1.0):
-        x, y = (local[:, 0:2] + share * (local[:, 2:4] - local[:, 0:2])).T
-        out_x = np.maximum(np.abs(cos * x + sin * y) - half_length, 0.0)
-        out_y = np.maximum(np.abs(cos * y - sin * x) - half_width, 0.0)
-        hits |= np.hypot(out_x, out_y) < local[:, 4]
-    return hits

@@ -13,9 +13,13 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from planner.ground_cells import GroundCells, Index, empty_cells, inside_polygon, note_view, recentre
+from planner import memory_kernels as kernels
+from planner.ground_cells import GroundCells, Index, View, camera_view, empty_cells, inside_polygon, recentre, take_in
 from planner.laser_map import LaserMap, empty_laser_map, mark_free, note_scan
 from worlds.types import BoolArray, FloatArray, Observation, PerceivedRock, PoseEstimate, RangeScan, Vector3
+
+SIZE_SLACK = 0.15  # of a rock's size, that two outlines of it may lie apart
+MOST_SHIFT_M = 1.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,30 +97,45 @@ def empty_memory(centre_w: FloatArray) -> TerrainMemory:
 
 
 def remember(
-    memory: TerrainMemory, observation: Observation, viewpoint_w: FloatArray, model: MemoryModel | None = None
+    memory: TerrainMemory,
+    observation: Observation | None,
+    viewpoint_w: FloatArray,
+    model: MemoryModel | None = None,
+    *,
+    standing: View | None = None,
 ) -> TerrainMemory:
-    """The memory after one observation made from ``viewpoint_w`` (2,), the place of the rover."""
+    """The memory after one observation made from ``viewpoint_w`` (2,), the place of the rover, if there was one.
+
+    ``standing`` tells of the ground under the rover.
+    """
+    told = [] if standing is None else [standing]
+    if observation is None:
+        return replace(memory, cells=take_in(memory.cells, *told))
+    rocks = remember_rocks(memory.rocks, observation, viewpoint_w, model)
+    return replace(memory, rocks=rocks, cells=take_in(memory.cells, camera_view(observation, viewpoint_w), *told))
+
+
+def remember_rocks(
+    known: RockMemory, observation: Observation, viewpoint_w: FloatArray, model: MemoryModel | None = None
+) -> RockMemory:
+    """The rocks after one observation made from ``viewpoint_w`` (2,)."""
     model = model or MemoryModel()
     views = _views(observation, viewpoint_w, model)
-    apart = np.linalg.norm(memory.rocks.centre_w - viewpoint_w, axis=1)
+    apart = np.linalg.norm(known.centre_w - viewpoint_w, axis=1)
     reach = 2.0 + max((rock.range_m for rock in observation.rocks), default=model.sure_range_m[1])
-    rocks, beyond = memory.rocks.select(apart <= reach), memory.rocks.select(apart > reach)
+    rocks, beyond = known.select(apart <= reach), known.select(apart > reach)
     match, fresh = _associate(rocks, views, model)
     updated = _doubt(_fuse(rocks, views, match, model), match, observation, viewpoint_w, model)
     joined = _join(updated, views.select(fresh))
     kept = _unite(joined.select(joined.log_odds > model.drop_below))
-    return replace(
-        memory,
-        rocks=_cap(_join(kept, beyond), viewpoint_w, model),
-        cells=note_view(memory.cells, observation, viewpoint_w),
-    )
+    return _cap(_join(kept, beyond), viewpoint_w, model)
 
 
 def remember_scan(memory: TerrainMemory, scan: RangeScan, estimate: PoseEstimate) -> TerrainMemory:
     """The memory after one turn of the scanner."""
     place = scan.pose.position_w[:2]
     laser = note_scan(memory.laser or empty_laser_map(place), scan, estimate)
-    return replace(memory, laser=laser, cells=mark_free(recentre(memory.cells, place), laser))
+    return replace(memory, laser=laser, cells=mark_free(recentre(memory.cells, place), laser, scan.time_s))
 
 
 def _views(observation: Observation, viewpoint_w: FloatArray, model: MemoryModel) -> RockMemory:
@@ -148,26 +167,13 @@ def _views(observation: Observation, viewpoint_w: FloatArray, model: MemoryModel
 
 def _associate(rocks: RockMemory, views: RockMemory, model: MemoryModel) -> tuple[Index, BoolArray]:
     """For each remembered rock the view that is it, or -1; and a mask of the views that are new."""
-    match = np.full(len(rocks), -1)
     fresh = np.ones(len(views), dtype=bool)
     if len(rocks) == 0 or len(views) == 0:
-        return match, fresh
-    offset = rocks.centre_w[:, None] - views.centre_w[None]
-    # Two outlines of one rock may lie off by a share of its size.
-    slack = (0.15 * np.maximum(rocks.length_m[:, None], views.length_m[None])) ** 2
-    total = rocks.covariance[:, None] + views.covariance[None]
-    a, b, d = total[..., 0, 0] + slack, total[..., 0, 1], total[..., 1, 1] + slack
-    x, y = offset[..., 0], offset[..., 1]
-    distance = (d * x * x - 2.0 * b * x * y + a * y * y) / (a * d - b * b)
-    distance[np.hypot(x, y) > 1.5] = np.inf
-    while True:
-        best = int(np.argmin(distance))
-        rock, view = divmod(best, len(views))
-        if distance[rock, view] > model.gate:
-            return match, fresh
-        match[rock], fresh[view] = view, False
-        distance[rock, :] = np.inf
-        distance[:, view] = np.inf
+        return np.full(len(rocks), -1), fresh
+    old, new = (rocks.centre_w, rocks.covariance, rocks.length_m), (views.centre_w, views.covariance, views.length_m)
+    match = kernels.associate(*old, *new, model.gate, SIZE_SLACK, MOST_SHIFT_M).astype(np.intp)
+    fresh[match[match >= 0]] = False
+    return match, fresh
 
 
 def _fuse(rocks: RockMemory, views: RockMemory, match: Index, model: MemoryModel) -> RockMemory:
@@ -237,14 +243,7 @@ def _unite(rocks: RockMemory) -> RockMemory:
     if len(rocks) < 2:
         return rocks
     ordered = rocks.select(np.argsort(-rocks.width_m, kind="stable"))
-    x, y = ordered.centre_w.T
-    # Only pairs whose larger rock spans the distance along x need a closer look.
-    first, second = np.nonzero(np.abs(x[:, None] - x[None]) < 0.6 * ordered.width_m[None] + 0.03)
-    distance = np.hypot(x[first] - x[second], y[first] - y[second])
-    inside = distance + 0.5 * ordered.length_m[first] < 0.5 * 1.15 * ordered.width_m[second] + 0.03
-    inside &= (ordered.height_m[first] <= 1.2 * ordered.height_m[second]) & (second < first)
-    lost = np.zeros(len(ordered), dtype=bool)
-    lost[first[inside]] = True
+    lost = kernels.swallowed(ordered.centre_w, ordered.length_m, ordered.width_m, ordered.height_m) > 0
     return ordered.select(~lost)
 
 

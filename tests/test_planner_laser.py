@@ -92,7 +92,7 @@ def test_the_map_moves_with_the_rover_and_keeps_what_it_knows() -> None:
 
 
 def test_ground_cells_are_seen_where_beams_have_passed() -> None:
-    cells = mark_free(empty_cells(np.zeros(2)), _seen([(3.0, 0.0, 0.5)]))
+    cells = mark_free(empty_cells(np.zeros(2)), _seen([(3.0, 0.0, 0.5)]), 0.0)
     seen, _ = sample(cells, np.array([[1.0, 0.0], [5.0, 0.0], [-3.0, 0.0], [2.0, 2.0]]))
     assert seen.tolist() == [True, False, False, True]
 

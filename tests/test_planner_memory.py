@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from planner import ground_cells as gc
 from planner import terrain_map as tm
-from worlds.types import FloatArray, Observation, PerceivedRock
+from worlds.types import FloatArray, GroundPlane, Observation, PerceivedRock
 
 HERE = np.zeros(2)
 VIEW = np.array([[1.0, -0.8], [8.0, -6.0], [8.0, 6.0], [1.0, 0.8]])
@@ -97,7 +97,7 @@ def test_the_view_marks_cells_and_classes_roughen_them() -> None:
     letters = np.array([["S", "M"]])
     centres = np.array([[[3.0, 0.5], [3.0, -0.5]]])
     observation = Observation(0.0, (), letters, centres, VIEW)
-    cells = gc.note_view(gc.empty_cells(HERE), observation, HERE)
+    cells = gc.take_in(gc.empty_cells(HERE), gc.camera_view(observation, HERE))
     known, rough = gc.sample(cells, np.array([[3.0, 0.5], [3.0, -0.5], [-3.0, 0.0], [500.0, 0.0]]))
     assert known.tolist() == [True, True, False, False]
     assert rough[0] == 0.0
@@ -105,8 +105,8 @@ def test_the_view_marks_cells_and_classes_roughen_them() -> None:
 
 
 def test_cells_move_with_the_rover() -> None:
-    cells = gc.mark_driven(gc.empty_cells(HERE), np.array([5.0, 0.0]), 0.6)
-    moved = gc.recentre(cells, np.array([20.0, 1.0]))
+    cells = gc.take_in(gc.empty_cells(HERE), gc.driven_view(np.array([5.0, 0.0, 0.0]), 0.6, 0.0))
+    moved = gc.recentre(cells, np.array([12.0, 1.0]))
     assert not np.array_equal(moved.origin_w, cells.origin_w)
     assert gc.sample(moved, np.array([[5.0, 0.0]]))[0][0]
     assert not gc.sample(gc.recentre(cells, np.array([900.0, 0.0])), np.array([[5.0, 0.0]]))[0][0]
@@ -125,3 +125,31 @@ def test_a_view_that_runs_out_of_the_picture_does_not_shrink_a_rock() -> None:
     assert len(rocks) == 1
     assert rocks.height_m[0] > 0.18
     assert rocks.width_m[0] > 0.20
+
+
+def test_a_cell_keeps_its_surest_height_and_who_told_it() -> None:
+    raised = GroundPlane(np.array([0.0, 0.0, 0.2]), np.array([0.0, 0.0, 1.0]))
+    cells = gc.take_in(gc.empty_cells(HERE), gc.camera_view(replace(seen(1.0), ground=raised), HERE))
+    far, never = (at(cells, place) for place in ((6.0, 0.0), (-3.0, 0.0)))
+    assert far[0] == gc.Source.CAMERA
+    np.testing.assert_allclose(far[1:], [1.0, 0.2, (0.02 + 0.035 * 6.0) ** 2], rtol=0.05)
+    assert never[0] == gc.Source.NOBODY
+    driven = gc.take_in(cells, gc.driven_view(np.array([6.0, 0.0, 0.3]), 0.4, 2.0))
+    np.testing.assert_allclose(at(driven, (6.0, 0.0)), [gc.Source.WHEELS, 2.0, 0.3, 0.02**2], rtol=1e-5)
+    again = gc.take_in(driven, gc.camera_view(replace(seen(3.0), ground=raised), HERE))
+    np.testing.assert_allclose(at(again, (6.0, 0.0)), [gc.Source.WHEELS, 3.0, 0.3, 0.02**2], rtol=1e-5)
+
+
+def at(cells: gc.GroundCells, place: tuple[float, float]) -> tuple[float, float, float, float]:
+    """Source, time, height and variance of a cell."""
+    column, row = (int(value) for value in np.floor((np.array(place) - cells.origin_w) / gc.CELL_M))
+    layers = cells.source, cells.seen_s, cells.height_m, cells.variance_m2
+    source, seen_s, height, variance = (float(layer[row, column]) for layer in layers)
+    return source, seen_s, height, variance
+
+
+def test_what_hides_behind_a_rock_is_not_seen() -> None:
+    tall = PerceivedRock((3.0, 0.0, 0.0), 0.5, 0.5, 0.6, 0.0, 0.9, 0, 3.0, 0.05)
+    cells = gc.take_in(gc.empty_cells(HERE), gc.camera_view(seen(0.0, tall), HERE))
+    known = gc.sample(cells, np.array([[4.0, 0.0], [4.0, 1.0], [2.5, 0.0]]))[0]
+    assert known.tolist() == [False, True, True]

@@ -8,7 +8,8 @@ from hypothesis import strategies as st
 from planner import obstacle_map as om
 from planner import row_kernels as kernels
 from planner.goal_field import goal_field
-from planner.ground_cells import empty_cells, mark_driven
+from planner.ground_cells import driven_view, empty_cells, take_in
+from planner.map_kernels import cost_to_go
 from planner.room import turn_range
 from planner.row_search import RowSearch, Task, search
 from tests.planner_factory import FOOTPRINT
@@ -17,7 +18,7 @@ from worlds.types import FloatArray
 DRIVE = om.DriveModel()
 NEED = DRIVE.need_m(FOOTPRINT)
 CELLS = empty_cells(np.zeros(2))
-SEEN = mark_driven(CELLS, np.zeros(2), 3.0)
+SEEN = take_in(CELLS, driven_view(np.zeros(3), 3.0, 0.0))
 
 
 def table(*discs: tuple[float, float, float]) -> FloatArray:
@@ -140,3 +141,32 @@ def test_the_field_of_a_walled_goal_is_infinite() -> None:
     field = goal_field(table(*ring), CELLS, np.zeros(2), np.array([6.0, 0.0]), 0.5, NEED, DRIVE)
     assert np.isinf(field.at(np.zeros((1, 2)))).all()
     assert len(field.way(np.zeros(2), 5.0)) == 0
+
+
+@settings(deadline=None, max_examples=25)
+@given(st.integers(0, 2**32 - 1), st.floats(0.0, 0.5))
+def test_the_field_is_that_of_dijkstra(seed: int, share: float) -> None:
+    rng = np.random.default_rng(seed)
+    cost = np.where(rng.random((12, 9)) < share, np.inf, rng.uniform(1.0, 4.0, (12, 9)))
+    seeds = np.full(cost.shape, np.inf)
+    seeds[6, 4], cost[6, 4] = 0.0, 1.0
+    found, onward = cost_to_go(cost, seeds, 0.5)
+    np.testing.assert_allclose(found, relaxed(cost, seeds, 0.5))
+    assert (onward.ravel()[np.isfinite(found).ravel() & (found.ravel() > 0)] >= 0).all()
+
+
+def relaxed(cost: FloatArray, seeds: FloatArray, step: float) -> FloatArray:
+    """The same by lowering all cells until nothing changes."""
+    best = np.pad(seeds, 1, constant_values=np.inf)
+    price = np.pad(cost, 1, constant_values=np.inf)
+    shifts = [(i, j) for i in (-1, 0, 1) for j in (-1, 0, 1) if (i, j) != (0, 0)]
+    for _ in range(cost.size):
+        before = best.copy()
+        for i, j in shifts:
+            there, beyond = np.roll(before, (i, j), (0, 1)), np.roll(price, (i, j), (0, 1))
+            open_ = np.isfinite(np.roll(price, i, 0)) & np.isfinite(np.roll(price, j, 1)) & np.isfinite(price)
+            total = there + 0.5 * step * np.hypot(i, j) * (price + beyond)
+            best = np.where(open_, np.minimum(best, total), best)
+        if np.array_equal(best, before):
+            break
+    return best[1:-1, 1:-1]

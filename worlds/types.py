@@ -302,6 +302,7 @@ class Observation:
     classes: NDArray[np.str_]  # (rows, columns) letters of TerrainClass, top row first
     class_centre_w: FloatArray  # (rows, columns, 2), NaN where a window sees no ground
     footprint_w: FloatArray  # (N, 2) outline of the ground that was seen, counter-clockwise
+    ground: GroundPlane | None = None  # the plane that places were found on; None: level at height 0
 
 
 @dataclass(frozen=True, eq=False)

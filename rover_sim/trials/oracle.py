@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from planner.map_kernels import cost_to_go
 from planner.obstacle_map import obstacle_grid, segment_clearance
-from planner.row_kernels import cost_to_go
 from rover_sim.true_obstacles import obstacle_table
 from worlds.types import FloatArray, Footprint, World
 

@@ -1,0 +1,256 @@
+"""Compiled inner loops of the obstacle map: distances to rocks, the hilly field, and the cost to a goal."""
+
+from __future__ import annotations
+
+from math import sqrt
+
+import numba as nb
+import numpy as np
+from numpy.typing import NDArray
+
+from worlds.types import FloatArray, IntArray
+
+Layer = NDArray[np.float32]
+HILL_REACH_M = 1.0  # the kernel falls from one at a hard rock's edge to zero here
+SOFT_REACH_M = 0.5  # and here for a rock that may be driven over
+BUCKET_M = 0.05  # width of a bucket of the queue of `cost_to_go`
+BUCKETS = 2400
+
+
+@nb.njit(cache=True)
+def gap(ax: float, ay: float, bx: float, by: float, x: float, y: float) -> float:
+    """Distance from a point to a segment."""
+    dx, dy = bx - ax, by - ay
+    squared = dx * dx + dy * dy
+    share = 0.0
+    if squared > 1e-12:
+        share = min(1.0, max(0.0, ((x - ax) * dx + (y - ay) * dy) / squared))
+    ex, ey = ax + share * dx - x, ay + share * dy - y
+    return sqrt(ex * ex + ey * ey)
+
+
+@nb.njit(cache=True)
+def rasterise(
+    table: FloatArray, x0: float, y0: float, step_x: float, step_y: float, most: float, clearance: Layer, hill: Layer
+) -> None:
+    """Lowers ``clearance`` (nx, ny) to the nearest hard obstacle and adds each weight's kernel to ``hill``."""
+    nx, ny = clearance.shape
+    for n in range(table.shape[0]):
+        ax, ay, bx, by, radius, weight, hard = table[n]
+        solid = hard > 0.5
+        fall = HILL_REACH_M if solid else SOFT_REACH_M
+        reach = (max(most, HILL_REACH_M) if solid else SOFT_REACH_M) + max(radius, 0.0)
+        first_x = max(0, int(np.ceil((min(ax, bx) - reach - x0) / step_x)))
+        last_x = min(nx - 1, int(np.floor((max(ax, bx) + reach - x0) / step_x)))
+        dx, dy = bx - ax, by - ay
+        squared = dx * dx + dy * dy
+        scale = 1.0 / squared if squared > 1e-12 else 0.0
+        for ix in range(first_x, last_x + 1):
+            x = x0 + ix * step_x
+            out = max(min(ax, bx) - x, x - max(ax, bx), 0.0)
+            side = sqrt(max(reach * reach - out * out, 0.0))
+            first_y = max(0, int(np.ceil((min(ay, by) - side - y0) / step_y)))
+            last_y = min(ny - 1, int(np.floor((max(ay, by) + side - y0) / step_y)))
+            if last_y < first_y:
+                continue
+            near, high = clearance[ix, first_y : last_y + 1], hill[ix, first_y : last_y + 1]
+            y_first = y0 + first_y * step_y
+            for iy in range(last_y + 1 - first_y):
+                y = y_first + iy * step_y
+                share = ((x - ax) * dx + (y - ay) * dy) * scale
+                share = min(1.0, max(0.0, share))
+                ex, ey = ax + share * dx - x, ay + share * dy - y
+                edge = sqrt(ex * ex + ey * ey) - radius
+                slope = 1.0 - max(edge, 0.0) / fall
+                slope = max(slope, 0.0)
+                high[iy] += np.float32(weight * slope * slope)
+                if solid:
+                    near[iy] = min(near[iy], np.float32(edge))
+
+
+@nb.njit(cache=True)
+def least_clearance(table: FloatArray, path: FloatArray, most: float) -> FloatArray:
+    """Smallest distance of each path segment (N - 1,) to any obstacle's edge, at most ``most``."""
+    count = path.shape[0] - 1
+    clear = np.full(max(count, 0), most)
+    for k in range(count):
+        px, py, qx, qy = path[k, 0], path[k, 1], path[k + 1, 0], path[k + 1, 1]
+        low_x, high_x, low_y, high_y = min(px, qx), max(px, qx), min(py, qy), max(py, qy)
+        for n in range(table.shape[0]):
+            ax, ay, bx, by, radius = table[n, 0], table[n, 1], table[n, 2], table[n, 3], table[n, 4]
+            # Boxes that lie farther apart than what is known already need no closer look.
+            far = clear[k] + radius
+            if min(ax, bx) - high_x > far or low_x - max(ax, bx) > far:
+                continue
+            if min(ay, by) - high_y > far or low_y - max(ay, by) > far:
+                continue
+            if crosses(ax, ay, bx, by, px, py, qx, qy):
+                apart = 0.0
+            else:
+                ends = min(gap(ax, ay, bx, by, px, py), gap(ax, ay, bx, by, qx, qy))
+                apart = min(ends, gap(px, py, qx, qy, ax, ay), gap(px, py, qx, qy, bx, by))
+            clear[k] = min(clear[k], apart - radius)
+    return clear
+
+
+@nb.njit(cache=True)
+def crosses(ax: float, ay: float, bx: float, by: float, px: float, py: float, qx: float, qy: float) -> bool:
+    """Whether two segments cross."""
+    one = (bx - ax) * (py - ay) - (by - ay) * (px - ax)
+    two = (bx - ax) * (qy - ay) - (by - ay) * (qx - ax)
+    three = (qx - px) * (ay - py) - (qy - py) * (ax - px)
+    four = (qx - px) * (by - py) - (qy - py) * (bx - px)
+    return one * two < 0.0 and three * four < 0.0
+
+
+@nb.njit(cache=True)
+def simplify(table: FloatArray, path: FloatArray, need: float, comfort: float, most_leg: float) -> IntArray:
+    """Indices of the points of a path (N, 2) to keep: each leg is as long as it may be.
+
+    A leg is at most ``most_leg`` long and keeps ``need + comfort`` from the hard obstacles of ``table``, or what the
+    stretch that it replaces kept.
+    """
+    count = path.shape[0]
+    own = least_clearance(table, path, need + comfort)
+    kept = np.zeros(count, dtype=np.int32)
+    size, at = 1, 0
+    leg = np.empty((2, 2))
+    while at < count - 1:
+        following = at + 1
+        for to in range(count - 1, at + 1, -1):
+            if np.hypot(path[to, 0] - path[at, 0], path[to, 1] - path[at, 1]) > most_leg:
+                continue
+            leg[0], leg[1] = path[at], path[to]
+            if least_clearance(table, leg, need + comfort)[0] >= own[at:to].min() - 0.02:
+                following = to
+                break
+        at = following
+        kept[size] = at
+        size += 1
+    return kept[:size]
+
+
+@nb.njit(cache=True)
+def bring_in(table: FloatArray, x: float, y: float, heading: float, reach: float, need: float) -> FloatArray:
+    """The obstacles within ``reach`` of a place, in its frame; berths that hold the place let it leave."""
+    sin, cos = np.sin(heading), np.cos(heading)
+    near = np.empty_like(table)
+    count = 0
+    for n in range(table.shape[0]):
+        mx, my = 0.5 * (table[n, 0] + table[n, 2]) - x, 0.5 * (table[n, 1] + table[n, 3]) - y
+        if mx * mx + my * my >= reach * reach:
+            continue
+        row = near[count]
+        for end in (0, 2):
+            dx, dy = table[n, end] - x, table[n, end + 1] - y
+            row[end], row[end + 1] = dx * cos + dy * sin, dy * cos - dx * sin
+        row[4:] = table[n, 4:]
+        if row[6] > 0.5:
+            row[4] -= max(need + 0.03 - (gap(row[0], row[1], row[2], row[3], 0.0, 0.0) - row[4]), 0.0)
+        count += 1
+    return near[:count]
+
+
+@nb.njit(cache=True)
+def metre_costs(
+    clearance: Layer,
+    hill: Layer,
+    unseen: Layer,
+    rough: Layer,
+    need: float,
+    comfort: float,
+    prices: tuple[float, float, float, float],
+) -> FloatArray:
+    """Cost of a metre at each cell, inf nearer than ``need`` to a hard rock.
+
+    ``prices``: of the hilly field, nearness, unseen ground and rough ground.
+    """
+    hilly, near, unknown, roughness = prices
+    nx, ny = clearance.shape
+    cost = np.empty((nx, ny))
+    for i in range(nx):
+        for j in range(ny):
+            close = min(max((need + comfort - clearance[i, j]) / comfort, 0.0), 1.0)
+            ground = unknown if unseen[i, j] > 0.5 else roughness * rough[i, j]
+            value = 1.0 + hilly * hill[i, j] + near * close * close + ground
+            cost[i, j] = value if clearance[i, j] >= need else np.inf
+    return cost
+
+
+@nb.njit(cache=True)
+def cost_to_go(cost: FloatArray, seeds: FloatArray, step: float) -> tuple[FloatArray, IntArray]:
+    """Cheapest cost (nx, ny) from each cell to any seed, and the flat index of the next cell (-1 at a seed).
+
+    ``cost`` is that of a metre, inf where blocked; ``seeds`` is the cost at the seeds, inf elsewhere. Label correcting
+    over eight neighbours with a queue of buckets (Dial, CACM 12(11), 1969): a cell is taken up again when it is reached
+    at less, so the answer is that of Dijkstra's search whatever the width of a bucket.
+    """
+    nx, ny = cost.shape
+    best, flat_best = seeds.copy(), seeds.size
+    onward = np.full(flat_best, -1, dtype=np.int32)
+    heads = np.full(BUCKETS, -1, dtype=np.int32)
+    links = np.full((flat_best, 2), -1, dtype=np.int32)  # of a queued cell: the one before and after it in its bucket
+    queued = np.full(flat_best, -1, dtype=np.int32)  # its bucket
+    for flat in range(flat_best):
+        value = seeds[flat // ny, flat % ny]
+        if np.isfinite(value):
+            _queue(flat, value, heads, links, queued)
+    for bucket in range(BUCKETS):
+        while heads[bucket] >= 0:
+            flat = heads[bucket]
+            _unqueue(flat, heads, links, queued)
+            _spread(flat, cost, step, best, onward, heads, links, queued)
+    return best, onward.reshape(nx, ny)
+
+
+@nb.njit(cache=True)
+def _spread(
+    flat: int,
+    cost: FloatArray,
+    step: float,
+    best: FloatArray,
+    onward: IntArray,
+    heads: IntArray,
+    links: IntArray,
+    queued: IntArray,
+) -> None:
+    """Lowers the neighbours of a cell to what it costs to go on through it, and queues those."""
+    nx, ny = cost.shape
+    ix, iy = flat // ny, flat % ny
+    value, own = best[ix, iy], min(cost[ix, iy], 9.0)
+    for jx in range(max(ix - 1, 0), min(ix + 2, nx)):
+        for jy in range(max(iy - 1, 0), min(iy + 2, ny)):
+            # A diagonal step must not squeeze between two blocked corners.
+            if not (np.isfinite(cost[jx, jy]) and np.isfinite(cost[ix, jy]) and np.isfinite(cost[jx, iy])):
+                continue
+            length = 0.5 * step * (1.4142135623730951 if jx != ix and jy != iy else 1.0)
+            total = value + length * (cost[jx, jy] + own)
+            to = jx * ny + jy
+            if total < best[jx, jy]:
+                best[jx, jy] = total
+                onward[to] = flat
+                if queued[to] >= 0:
+                    _unqueue(to, heads, links, queued)
+                _queue(to, total, heads, links, queued)
+
+
+@nb.njit(cache=True)
+def _queue(flat: int, value: float, heads: IntArray, links: IntArray, queued: IntArray) -> None:
+    bucket = min(int(value / BUCKET_M), BUCKETS - 1)
+    first = heads[bucket]
+    links[flat, 0], links[flat, 1] = -1, first
+    if first >= 0:
+        links[first, 0] = flat
+    heads[bucket], queued[flat] = flat, bucket
+
+
+@nb.njit(cache=True)
+def _unqueue(flat: int, heads: IntArray, links: IntArray, queued: IntArray) -> None:
+    before, after = links[flat, 0], links[flat, 1]
+    if before >= 0:
+        links[before, 1] = after
+    else:
+        heads[queued[flat]] = after
+    if after >= 0:
+        links[after, 0] = before
+    queued[flat] = -1
