@@ -196,18 +196,19 @@ def _ranges(view: View | None) -> FloatArray | None:
 
 
 def _image_rocks(blobs: Blobs, shape: RockOutlines, certainty: NDArray[np.float64]) -> tuple[ImageRock, ...]:
+    columns = zip(
+        blobs.centre_px.tolist(),
+        blobs.box_px.tolist(),
+        blobs.area_px.tolist(),
+        certainty.tolist(),
+        shape.formation.tolist(),
+        blobs.axis_rad.tolist(),
+        shape.length_px.tolist(),
+        shape.sections_px.tolist(),
+        np.any(blobs.border, axis=1).tolist(),
+        strict=True,
+    )
     return tuple(
-        ImageRock(
-            id=i + 1,
-            centroid_px=(float(blobs.centre_px[i, 0]), float(blobs.centre_px[i, 1])),
-            bbox_px=(int(box[0]), int(box[1]), int(box[2]), int(box[3])),
-            area_px=int(blobs.area_px[i]),
-            certainty=float(certainty[i]),
-            formation=int(shape.formation[i]),
-            axis_rad=float(blobs.axis_rad[i]),
-            length_px=float(shape.length_px[i]),
-            sections_px=tuple(shape.sections_px[i].tolist()),
-            touches_border=bool(blobs.border[i].any()),
-        )
-        for i, box in enumerate(blobs.box_px)
+        ImageRock(i + 1, (x, y), tuple(box), area, sure, form, axis, length, tuple(sections), cut)
+        for i, ((x, y), box, area, sure, form, axis, length, sections, cut) in enumerate(columns)
     )

@@ -85,7 +85,7 @@ def _probe_kernel(
         cos, sin = np.cos(axes[region]), -np.sin(axes[region])  # rows grow downwards
         low, high = _extent(labels, boxes[region], region + 1, centres[region], cos, sin)
         lengths[region] = high - low
-        reach = float(boxes[region, 2] + boxes[region, 3])
+        reach = np.hypot(boxes[region, 2], boxes[region, 3]) + 1.0  # from inside the box to its farthest corner
         for i in range(SECTIONS):
             # The tips are probed half a pixel inside, where the outermost pixels have their centres.
             along = low + 0.5 + (high - low - 1.0) * i / (SECTIONS - 1.0)

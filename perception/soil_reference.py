@@ -50,16 +50,17 @@ def soil_reference(lab: SingleArray, hidden: BoolArray, know: SoilKnowledge) -> 
     box = (know.window_px, know.window_px)
     mean = cv2.blur(lightness, box)
     variance = np.maximum(cv2.blur(lightness * lightness, box) - mean * mean, 0.0)
-    dark, bright = np.percentile(lightness[seen][::_SAMPLE_STRIDE], [know.dark_percentile, know.bright_percentile])
-    soil = seen & (variance <= np.percentile(variance[seen][::_SAMPLE_STRIDE], know.smooth_percentile))
+    sample = np.flatnonzero(seen)[::_SAMPLE_STRIDE]
+    dark, bright = np.percentile(lightness.take(sample), [know.dark_percentile, know.bright_percentile])
+    soil = seen & (variance <= np.percentile(variance.take(sample), know.smooth_percentile))
     between = soil & (lightness > dark) & (lightness < bright)
     chosen = between if between.any() else soil
     trend = _fit_trend(lightness, chosen, know.trend_stiffness)
-    colour = np.median(half[chosen][::_SAMPLE_STRIDE], axis=0).astype(np.float32)
+    colour = np.median(half.reshape(-1, 3)[np.flatnonzero(chosen)[::_SAMPLE_STRIDE]], axis=0).astype(np.float32)
     colour[0] = max(float(colour[0]), 1.0)  # black soil would make every ratio to it meaningless
-    gradient = mean_gradient(lab[..., 0], know.window_px)[::2, ::2][: half.shape[0], : half.shape[1]][seen]
+    gradient = mean_gradient(lab[..., 0], know.window_px)[::2, ::2][: half.shape[0], : half.shape[1]].take(sample)
     coloured = is_coloured(np.asarray(half, dtype=np.float32))
-    usual = float(np.percentile(gradient[::_SAMPLE_STRIDE], know.gradient_percentile)) + know.gradient_floor
+    usual = float(np.percentile(gradient, know.gradient_percentile)) + know.gradient_floor
     return SoilReference(colour, usual, trend, coloured)
 
 
