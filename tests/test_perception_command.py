@@ -10,6 +10,7 @@ import pytest
 import trimesh
 
 from rover_sim.cli import main
+from rover_sim.commands.perceive import pictures_of
 from tests.test_perception_pipeline import BASALT, sand, with_rock
 from worlds.types import ByteArray
 
@@ -165,6 +166,17 @@ def test_the_good_pictures_of_a_folder_are_done_beside_bad_ones(
     assert "bad.jpg: not a picture" in faults[0]
     assert "missing.png: cannot be read" in faults[1]
     assert (tmp_path / "out" / "b.json").is_file()
+
+
+def test_outlines_beside_a_picture_are_labels(tmp_path: Path) -> None:
+    """A mask of no picture in the folder is a picture, and so is one that is named by itself."""
+    folder = tmp_path / "in"
+    folder.mkdir()
+    a, mask, other = (folder / name for name in ("a.jpg", "a_mask.png", "b_mask.png"))
+    for path in (a, mask, other):
+        path.touch()
+    assert pictures_of([folder]) == [a, other]
+    assert pictures_of([mask]) == [mask]
 
 
 def test_equal_names_and_overwriting_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -83,7 +83,10 @@ def execute(args: argparse.Namespace) -> int:
 
 
 def pictures_of(places: Sequence[Path]) -> list[Path]:
-    """The pictures, and those in folders in the order of their names; InputError for a folder without any."""
+    """The pictures, and those in folders in the order of their names; InputError for a folder without any.
+
+    In a folder the outlines ``STEM_mask.png`` beside a picture STEM are labels, as `score` and `learn` read them.
+    """
     from rover_sim.learning.labels import ENDINGS
     from rover_sim.pictures import ALLOWED
 
@@ -93,6 +96,8 @@ def pictures_of(places: Sequence[Path]) -> list[Path]:
             images.append(place)
             continue
         inside = sorted(path for path in place.iterdir() if path.suffix.lower() in ENDINGS and path.is_file())
+        labels = {f"{path.stem}_mask.png" for path in inside}
+        inside = [path for path in inside if path.name not in labels]
         if not inside:
             raise InputError(f"{place}: a folder without a picture; give {ALLOWED}, or a folder of them")
         images.extend(inside)
