@@ -19,6 +19,7 @@ from perception.knowledge_base import Knowledge, load_knowledge
 from perception.rock_classifier import blob_features, rock_certainty
 from perception.rock_geometry import RockOutlines, outlines
 from perception.rock_placement import View, place_rocks
+from perception.shadow_height import with_shadows
 from perception.sky import sky_mask
 from perception.soil_reference import even_light, soil_reference
 from perception.stereo import StereoView, depth_picture, refined
@@ -73,7 +74,7 @@ def perceive(frame: Frame, knowledge: Knowledge, covered: BoolArray | None = Non
     """
     if frame.camera_pose is None or frame.ground is None:
         return examine(frame.image, knowledge)
-    view = View(frame.camera, frame.camera_pose, frame.ground)
+    view = View(frame.camera, frame.camera_pose, frame.ground, frame.to_sun_w)
     found = on_ground(examine(frame.image, knowledge, view, covered), view, frame.time_s, knowledge)
     return found if frame.right is None else with_second_eye(found, view, frame.image, frame.right, frame.baseline_m)
 
@@ -106,6 +107,8 @@ def on_ground(found: Perception, view: View, time_s: float, knowledge: Knowledge
     certainty = np.array([rock.certainty for rock in found.rocks])
     cut = np.array([rock.touches_border for rock in found.rocks], dtype=bool)
     placed = place_rocks(view, found.outlines, certainty, cut, found.scale, knowledge.ground)
+    area = np.array([rock.area_px for rock in found.rocks], dtype=np.int32)
+    placed = with_shadows(placed, area, found.labels, found.windows.grey, view, found.scale)
     reach = knowledge.ground.max_range_m
     shape = (found.classes.shape[0], found.classes.shape[1])
     observation = Observation(

@@ -22,7 +22,7 @@ from perception.ground import ground_points, ground_range, height_over, range_sd
 from perception.knowledge_base import GroundKnowledge
 from perception.rock_geometry import RockOutlines
 from worlds.geometry import rotation_from_quaternion
-from worlds.types import BoolArray, CameraModel, FloatArray, GroundPlane, PerceivedRock, Pose
+from worlds.types import BoolArray, CameraModel, FloatArray, GroundPlane, PerceivedRock, Pose, Vector3
 
 _HEIGHT_OVER_DIAMETER = 0.38  # of the usual rock; they are 0.25 to 0.5 of their diameter high
 _HEIGHT_LIMITS = (0.2, 0.6)
@@ -31,11 +31,12 @@ _DEPTH_OVER_BREADTH = (0.4, 2.0)
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """A camera, its pose and the ground under it."""
+    """A camera, its pose, the ground under it and the sun over it."""
 
     camera: CameraModel
     pose: Pose
     plane: GroundPlane
+    to_sun_w: Vector3 | None = None  # unit vector; None: not known
 
     @property
     def height_m(self) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from math import nan
 
 
 def seed(text: str) -> int:
@@ -10,6 +11,17 @@ def seed(text: str) -> int:
     if not text.isdecimal() or int(text) >= 2**32:
         raise argparse.ArgumentTypeError(f"{text!r} is not a whole number from 0 to 4294967295")
     return int(text)
+
+
+def sun_deg(text: str) -> tuple[float, float]:
+    """Elevation and azimuth of the sun in degrees."""
+    try:
+        elevation, azimuth = (float(part) for part in text.split(","))
+    except ValueError:
+        elevation = azimuth = nan
+    if not (2.0 <= elevation <= 90.0 and -360.0 <= azimuth <= 360.0):
+        raise argparse.ArgumentTypeError(f"{text!r} is not ELEVATION,AZIMUTH in degrees: 2 to 90, -360 to 360")
+    return elevation, azimuth
 
 
 def worker_count(text: str) -> int:

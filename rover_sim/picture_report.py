@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 
@@ -26,6 +26,7 @@ from rover_sim.verdict import Verdict
 from rover_sim.verify import Check, drive_way
 from rover_sim.virtual_terrain import unseen_m, virtual_scenario, way_ahead
 from worlds.build import build_world
+from worlds.geometry import to_sun
 from worlds.scenario import dump_scenario
 from worlds.types import ByteArray, Footprint
 
@@ -42,6 +43,7 @@ class Order:
     camera: CameraFile | None
     verify: bool = False
     right: Path | None = None  # picture of a second camera
+    sun_deg: tuple[float, float] | None = None  # elevation, and azimuth from where the camera looks
 
 
 @dataclass(frozen=True)
@@ -75,13 +77,14 @@ def report_picture(order: Order, path: Path) -> Report:
     try:
         picture = read_picture(path)
         size = (picture.shape[1], picture.shape[0])
-        view = camera_view(order.camera or default_camera(size), size, str(path))
+        view = _under_sun(camera_view(order.camera or default_camera(size), size, str(path)), order.sun_deg)
         right = _second_picture(order.right, picture, path) if order.right else None
     except InputError as error:
         return Report(fault=str(error))
     scene = _look(order, path, picture, right, view)
     table = {
         "image": path.name,
+        "sun_deg": order.sun_deg,
         **result_table(scene.found, scene.paths, size, order.camera, _knowledge(order.knowledge).name),
     }
     _write_terrain(scene)
@@ -99,6 +102,10 @@ def report_picture(order: Order, path: Path) -> Report:
         _write_map(scene, overlay, checks, known_camera=order.camera is not None)
     write_json(scene.file(".json"), table)
     return Report(_line(scene, checks if order.verify else None), verified=_count(checks))
+
+
+def _under_sun(view: View, sun_deg: tuple[float, float] | None) -> View:
+    return view if sun_deg is None else replace(view, to_sun_w=to_sun(sun_deg[1], sun_deg[0]))
 
 
 def _second_picture(path: Path, left: ByteArray, left_path: Path) -> ByteArray:

@@ -34,7 +34,7 @@ from rover_sim.sim.simulation import Simulation
 from rover_sim.sim.vehicle_state import VehicleState, trace_columns
 from rover_sim.summary import Identity, summarize
 from rover_sim.true_obstacles import check_start
-from worlds.geometry import camera_pose, rotation_from_quaternion, to_the_right
+from worlds.geometry import camera_pose, rotation_from_quaternion, to_sun, to_the_right
 from worlds.types import Footprint, Frame, Pose, RangeScan, Vector3, World
 
 STEPS_PER_S = 240
@@ -254,6 +254,7 @@ class Traverse:
             ground=localization.ground_plane(self._located, self._footprint.wheel_radius_m),
             right=right,
             baseline_m=STEREO_BASELINE_M,
+            to_sun_w=to_sun(self.world.scenario.sun.azimuth_deg, self.world.scenario.sun.elevation_deg),
         )
         sight = computer.look(frame, self._estimate, time_s)
         clasts = renderer.clasts(camera, true_pose, rendered)

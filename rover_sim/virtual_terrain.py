@@ -30,6 +30,7 @@ from worlds.scenario import (
     Scenario,
     SoilChoice,
     SoilPatch,
+    Sun,
     Terrain,
 )
 from worlds.types import BoolArray, FloatArray, Footprint, PerceivedRock, Rock, RockShape, TerrainClass
@@ -108,8 +109,20 @@ def virtual_scenario(
         rover=RoverChoice(model=rover),
         goal=Goal(position_m=goal, radius_m=GOAL_RADIUS_M, time_limit_s=_LEAST_LIMIT_S + length / _SLOWEST_M_S),
         camera=Camera(),
+        sun=_sun(view),
     )
     return scenario, under
+
+
+def _sun(view: View) -> Sun:
+    """The sun of the picture, or the usual one."""
+    if view.to_sun_w is None:
+        return Sun()
+    x, y, z = view.to_sun_w
+    return Sun(
+        azimuth_deg=round(float(np.degrees(np.arctan2(y, x))), 3),
+        elevation_deg=round(float(np.degrees(np.arcsin(z))), 3),
+    )
 
 
 def way_ahead(found: Perception, view: View, most_m: float) -> FloatArray:

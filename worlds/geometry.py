@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from worlds.types import CameraModel, FloatArray, Pose
+from worlds.types import CameraModel, FloatArray, Pose, Vector3
 
 
 def rotation_from_quaternion(quaternion: FloatArray) -> FloatArray:
@@ -85,3 +85,10 @@ def camera_pose(body: Pose, camera: CameraModel) -> Pose:
 def to_the_right(pose: Pose, distance_m: float) -> Pose:
     """Pose of a camera ``distance_m`` along the first axis (right) of another, its axes parallel."""
     return Pose(pose.position_w + distance_m * rotation_from_quaternion(pose.quaternion_w)[:, 0], pose.quaternion_w)
+
+
+def to_sun(azimuth_deg: float, elevation_deg: float) -> Vector3:
+    """Unit vector to the sun; azimuth from +x counter-clockwise, elevation over the level, in degrees."""
+    azimuth, elevation = np.radians(azimuth_deg), np.radians(elevation_deg)
+    level = float(np.cos(elevation))
+    return level * float(np.cos(azimuth)), level * float(np.sin(azimuth)), float(np.sin(elevation))

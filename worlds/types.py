@@ -240,6 +240,7 @@ class Frame:
     ground: GroundPlane | None = None
     right: ByteArray | None = None  # of a second, equal camera to the right of it, its axes parallel
     baseline_m: float = 0.0  # between the two
+    to_sun_w: Vector3 | None = None  # unit vector to the sun, as almanac and attitude tell it; None: not known
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rover_sim.arguments import worker_count
+from rover_sim.arguments import sun_deg, worker_count
 from rover_sim.errors import InputError
 from rover_sim.parallel import Lost, cores, in_processes
 
@@ -45,6 +45,13 @@ def configure(parser: argparse.ArgumentParser) -> None:
         help="the same moment by a second camera to the right; the camera file then has [stereo] with baseline_m",
     )
     parser.add_argument(
+        "--sun",
+        type=sun_deg,
+        metavar="ELEVATION,AZIMUTH",
+        help="of the sun in degrees, azimuth counter-clockwise from where the camera looks (45: ahead, to the left); "
+        "shadows then tell heights of rocks too",
+    )
+    parser.add_argument(
         "--verify",
         action="store_true",
         help="drive every path in the virtual terrain of its picture; exit code 1 if a picture has no verified path",
@@ -75,7 +82,9 @@ def execute(args: argparse.Namespace) -> int:
         baseline_m(camera)
         if len(images) > 1:
             raise InputError(f"--right {args.right}: belongs to one picture, and {len(images)} are given")
-    order = Order(output_folder(args.out), args.knowledge, camera, verify=args.verify, right=args.right)
+    order = Order(
+        output_folder(args.out), args.knowledge, camera, verify=args.verify, right=args.right, sun_deg=args.sun
+    )
     if args.verify and camera is None:
         _tell(_assumption())
     reports = _reports(images, order, args.workers)

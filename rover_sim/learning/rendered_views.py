@@ -16,7 +16,7 @@ from perception.camera import project
 from rover_sim.sim.renderer import RenderedImage, add_noise, make_renderer
 from rover_sim.sim.rover import load_rover
 from worlds.build import build_world
-from worlds.geometry import camera_pose, quaternion_from_rotation
+from worlds.geometry import camera_pose, quaternion_from_rotation, to_sun
 from worlds.heightfield import height_at
 from worlds.scenario import Camera, Goal, GroundTexture, Rocks, Scenario, Sun, Terrain
 from worlds.types import BoolArray, FloatArray, Frame, GroundPlane, HeightField, IntArray, Pose, World
@@ -91,7 +91,7 @@ def rendered_views(world: World, count: int, plane_reach_m: float = 0.5) -> Iter
     """
     rng = np.random.default_rng(world.seed)
     renderer, rover = make_renderer(world), load_rover("husky")
-    camera = rover.camera(Camera())
+    camera, sun = rover.camera(Camera()), world.scenario.sun
     (x0, x1), (y0, y1) = world.ground.x_limits_m, world.ground.y_limits_m
     while count:
         x, y = rng.uniform(x0 + EDGE_M, x1 - EDGE_M), rng.uniform(y0 + EDGE_M, y1 - EDGE_M)
@@ -103,7 +103,8 @@ def rendered_views(world: World, count: int, plane_reach_m: float = 0.5) -> Iter
         pose = camera_pose(_body_pose(stand, yaw, rover.wheel.radius_m), camera)
         truth = renderer.render(camera, pose)
         believed = GroundPlane(stand.point_w, plane_around(world.ground, x, y, plane_reach_m).normal_w)
-        frame = Frame(0.0, add_noise(truth.image, Camera().noise, rng), camera, pose, believed)
+        image = add_noise(truth.image, Camera().noise, rng)
+        frame = Frame(0.0, image, camera, pose, believed, to_sun_w=to_sun(sun.azimuth_deg, sun.elevation_deg))
         yield RenderedView(frame, truth, renderer.clasts(camera, pose, truth), true_rocks(world, frame, truth.ids))
         count -= 1
 

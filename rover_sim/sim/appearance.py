@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rover_sim.sim.shade_types import Light
+from worlds.geometry import to_sun
 from worlds.scenario import Sun
 from worlds.types import FloatArray, IntArray
 
@@ -34,14 +35,13 @@ CYLINDER_COLOUR = (150.0, 150.0, 150.0)
 
 def make_light(sun: Sun) -> Light:
     """Light of a day with the sun there; the exposure holds level sand at its usual brightness."""
-    azimuth, elevation = np.radians(sun.azimuth_deg), np.radians(sun.elevation_deg)
-    up = np.sin(elevation)
-    to_sun = (float(np.cos(elevation) * np.cos(azimuth)), float(np.cos(elevation) * np.sin(azimuth)), float(up))
+    direction = to_sun(sun.azimuth_deg, sun.elevation_deg)
+    up = direction[2]
     # Below the horizon the sun gives nothing; the sky still does.
     direct = SUNLIGHT * np.exp(-DUST_DEPTH * (1 / max(up, 0.02) - 1)) if up > 0 else np.zeros(3)
     exposure = min(1 / float((direct * max(up, 0.0) + SKYLIGHT)[1]), LARGEST_EXPOSURE)
     return Light(
-        to_sun_w=to_sun,
+        to_sun_w=direction,
         sun=_colour(exposure * direct),
         ambient=_colour(exposure * SKYLIGHT),
         sand=_colour(SAND),

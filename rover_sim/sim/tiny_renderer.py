@@ -10,6 +10,7 @@ import numpy as np
 from rover_sim.sim.bullet import pybullet
 from rover_sim.sim.heightfield_body import add_heightfield
 from rover_sim.sim.renderer import GROUND_ID, SKY_ID, RenderedImage, check_camera, pose_rotation
+from worlds.geometry import to_sun
 from worlds.types import CameraModel, FloatArray, IntArray, Pose, TriangleMesh, World
 
 NEAR_M, FAR_M = 0.05, 400.0
@@ -21,9 +22,7 @@ class TinyRenderer:
 
     def __init__(self, world: World, *, shadow: bool = True) -> None:
         sun = world.scenario.sun
-        azimuth, elevation = np.radians(sun.azimuth_deg), np.radians(sun.elevation_deg)
-        level = float(np.cos(elevation))
-        self._to_sun = [level * float(np.cos(azimuth)), level * float(np.sin(azimuth)), float(np.sin(elevation))]
+        self._to_sun = to_sun(sun.azimuth_deg, sun.elevation_deg)
         self._shadow = shadow
         self._client: int | None = int(pybullet.connect(pybullet.DIRECT))
         # Body number -> id; body numbers count up from zero.
