@@ -9,6 +9,7 @@ Trans. SMC 9(1), 1979) is interpolated between the window centres, so that no se
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import cv2
 import msgspec
@@ -80,7 +81,7 @@ def evidence_score(planes: Planes, cues: CueSet) -> SingleArray:
     shape = next(iter(planes.values())).shape
     total = np.full(shape, cues.bias, dtype=np.float32)
     for name, cue in cues.named():
-        _add_evidence(total, planes[name], evidence_table(cue.value, np.array(cue.evidence)))
+        _add_evidence(total, planes[name], evidence_table(cue.value, cue.evidence))
     return np.asarray(_through_table(total, _LOGISTIC))
 
 
@@ -103,17 +104,23 @@ def close_edges(rock: BoolArray, score: SingleArray, grey: ByteArray, how: Binar
 def clean(rock: BoolArray, how: Binarization) -> BoolArray:
     """``rock`` closed, with its holes filled, and opened."""
     closed = cv2.morphologyEx(rock.view(np.uint8), cv2.MORPH_CLOSE, _disc(how.close_px))
-    contours, _ = cv2.findContours(closed, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
-    cv2.drawContours(closed, contours, -1, 1, thickness=cv2.FILLED)
-    opened = cv2.morphologyEx(closed, cv2.MORPH_OPEN, _disc(how.open_px))
+    opened = cv2.morphologyEx(_filled(np.asarray(closed, dtype=np.uint8)), cv2.MORPH_OPEN, _disc(how.open_px))
     return np.asarray(opened.view(np.bool_))
+
+
+def _filled(rock: ByteArray) -> ByteArray:
+    """``rock`` with everything that no way, straight on from pixel to pixel, leads to from outside the picture."""
+    framed = np.pad(rock, 1)
+    cv2.floodFill(framed, None, (0, 0), 2)
+    return np.asarray(framed[1:-1, 1:-1] != 2, dtype=np.uint8)
 
 
 def _disc(size_px: int) -> ByteArray:
     return np.asarray(cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size_px, size_px)), dtype=np.uint8)
 
 
-def evidence_table(knots: tuple[float, ...], evidence: FloatArray) -> SingleArray:
+@lru_cache(maxsize=64)
+def evidence_table(knots: tuple[float, ...], evidence: tuple[float, ...]) -> SingleArray:
     """Evidence sampled between the first and the last of the ``knots``, for the compiled kernels.
 
     (2 + samples): the first knot, steps a unit, and the samples.
@@ -123,7 +130,7 @@ def evidence_table(knots: tuple[float, ...], evidence: FloatArray) -> SingleArra
 
 
 _REACHED = np.linspace(-_LOGISTIC_REACH, _LOGISTIC_REACH, _TABLE_STEPS + 1)
-_LOGISTIC = evidence_table(tuple(_REACHED), 1.0 / (1.0 + np.exp(-_REACHED)))
+_LOGISTIC = evidence_table(tuple(_REACHED), tuple(1.0 / (1.0 + np.exp(-_REACHED))))
 
 
 @numba.njit(cache=True)

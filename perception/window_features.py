@@ -202,7 +202,7 @@ def _percentiles(values: SingleArray, size: int, share: float) -> FloatArray:
                     value = values[y, x]
                     largest = max(largest, value)
                     counts[min(int(value / _BIN), _BINS - 1)] += 1
-            above, place = int((1.0 - share) * (size * size - 1) + 0.5), _BINS - 1
+            above, place = int((1.0 - share) * (size * size - 1) + 0.5), min(int(largest / _BIN), _BINS - 1)
             while above >= counts[place]:
                 above -= counts[place]
                 place -= 1

@@ -122,7 +122,7 @@ def test_a_threshold_map_has_an_optimum_where_two_classes_are_and_no_seams() -> 
 
 def test_an_evidence_table_holds_the_knots() -> None:
     cue = dict(KNOW.cues.named())["lightness"]
-    table = evidence_table(cue.value, np.array(cue.evidence))
+    table = evidence_table(cue.value, cue.evidence)
     for value, evidence in zip(cue.value, cue.evidence, strict=True):
         assert table[2 + round((value - table[0]) * table[1])] == pytest.approx(evidence, abs=0.05)
 

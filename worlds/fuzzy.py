@@ -100,15 +100,17 @@ def rule_strengths(base: RuleBase, inputs: Mapping[str, FloatArray]) -> FloatArr
     """
     degrees = _all_degrees(base, inputs)
     plain, places = _plain_rules(base)
-    weights = np.array([rule.weight for rule in base.rules])
     combine = np.minimum if base.norm == "minimum" else np.multiply
     weigh = np.multiply if base.aggregation == "sum" else combine
     strengths = np.empty((degrees.shape[0], len(base.rules)))
     strengths[:, plain] = degrees[:, places]
-    for index in np.flatnonzero(~plain):
-        groups = _term_places(base, base.rules[index])
-        strengths[:, index] = reduce(combine, [degrees[:, group].max(axis=1) for group in groups])
-    return np.asarray(weigh(strengths, weights))
+    for index, groups in _joint_rules(base):
+        strengths[:, index] = reduce(combine, [_strongest(degrees, group) for group in groups])
+    return np.asarray(weigh(strengths, _weights(base)))
+
+
+def _strongest(degrees: FloatArray, places: list[int]) -> FloatArray:
+    return degrees[:, places[0]] if len(places) == 1 else np.asarray(degrees[:, places].max(axis=1))
 
 
 def _all_degrees(base: RuleBase, inputs: Mapping[str, FloatArray]) -> FloatArray:
@@ -138,6 +140,18 @@ def _plain_rules(base: RuleBase) -> tuple[BoolArray, IntArray]:
     return plain, np.array([g[0][0] for g, single in zip(groups, plain, strict=True) if single], dtype=np.int32)
 
 
+@cache
+def _joint_rules(base: RuleBase) -> list[tuple[int, list[list[int]]]]:
+    """Number of each rule that asks for more than a single term, and the places that its conditions list."""
+    return [(int(index), _term_places(base, base.rules[index])) for index in np.flatnonzero(~_plain_rules(base)[0])]
+
+
+@cache
+def _weights(base: RuleBase) -> FloatArray:
+    """Weights (rules,) of the rules."""
+    return np.array([rule.weight for rule in base.rules])
+
+
 def _term_places(base: RuleBase, rule: Rule) -> list[list[int]]:
     """Places among all terms of those that each condition of a rule lists."""
     names = [(v.name, term) for v in base.inputs for term in v.term_names]
@@ -160,9 +174,8 @@ def term_strengths(base: RuleBase, inputs: Mapping[str, FloatArray]) -> FloatArr
 @cache
 def _evidence_of_terms(base: RuleBase) -> FloatArray:
     """Evidence (K, output terms) that each input term brings where every rule asks for a single one."""
-    weights = np.array([rule.weight for rule in base.rules])
     evidence = np.zeros((sum(len(variable.terms) for variable in base.inputs), len(base.output.terms)))
-    np.add.at(evidence, _plain_rules(base)[1], weights[:, None] * _rule_owner(base))
+    np.add.at(evidence, _plain_rules(base)[1], _weights(base)[:, None] * _rule_owner(base))
     return evidence
 
 
