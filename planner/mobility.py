@@ -41,7 +41,8 @@ class Limits:
     slow_radius_m: float = 1.2  # tighter curves than this are driven in proportion slower
     slow_distance_m: float = 0.8  # braking begins so far from the end
     arrival_radius_m: float = 0.25
-    turn_start_rad: float = float(np.deg2rad(50.0))  # heading error at which the rover stops to turn
+    turn_start_rad: float = float(np.deg2rad(35.0))  # heading error at which the rover stops to turn
+    inner_share: float = 0.3  # of the speed, that the inner wheels keep in a bend: standing ones dig the others in
     turn_end_rad: float = float(np.deg2rad(8.0))
     risk: float = 0.0  # 0 free ground .. 1 dangerous: cruise speed falls to 40 %
 
@@ -84,7 +85,8 @@ def follow_path(
     following = replace(progress, arc_m=arc, turning=turning)
     if turning:
         return Command(0.0, _turn_rate(error, footprint, limits)), following
-    curvature = 2.0 * np.sin(error) / max(float(np.linalg.norm(target)), 0.2)
+    tightest = (1.0 - limits.inner_share) / _effective_half_track(footprint)
+    curvature = float(np.clip(2.0 * np.sin(error) / max(float(np.linalg.norm(target)), 0.2), -tightest, tightest))
     speed = _speed(curvature, max(to_end, left), footprint, limits)
     rate = float(np.clip(speed * curvature, -footprint.max_yaw_rate_rad_s, footprint.max_yaw_rate_rad_s))
     return Command(-speed if reverse else speed, rate), following
@@ -120,7 +122,7 @@ def wheel_speeds(linear_m_s: float, yaw_rate_rad_s: float, footprint: Footprint)
 
     A motion beyond the fastest wheel is slowed as a whole, so its curvature stays.
     """
-    half_track = footprint.effective_track_ratio * footprint.track_m / 2.0
+    half_track = _effective_half_track(footprint)
     left, right = linear_m_s - yaw_rate_rad_s * half_track, linear_m_s + yaw_rate_rad_s * half_track
     scale = min(1.0, footprint.max_speed_m_s / max(abs(left), abs(right), 1e-9)) / footprint.wheel_radius_m
     return (left * scale,) * (footprint.wheels // 2) + (right * scale,) * (footprint.wheels // 2)
@@ -129,7 +131,7 @@ def wheel_speeds(linear_m_s: float, yaw_rate_rad_s: float, footprint: Footprint)
 def body_motion(wheel_speed_rad_s: tuple[float, ...], footprint: Footprint) -> Command:
     """Motion that wheels without slip would give: the inverse of `wheel_speeds`."""
     left, right = rim_speeds(wheel_speed_rad_s, footprint)
-    return Command((left + right) / 2.0, (right - left) / (footprint.effective_track_ratio * footprint.track_m))
+    return Command((left + right) / 2.0, (right - left) / (2.0 * _effective_half_track(footprint)))
 
 
 def rim_speeds(wheel_speed_rad_s: tuple[float, ...], footprint: Footprint) -> tuple[float, float]:
@@ -137,6 +139,10 @@ def rim_speeds(wheel_speed_rad_s: tuple[float, ...], footprint: Footprint) -> tu
     half = len(wheel_speed_rad_s) // 2
     share = footprint.wheel_radius_m / half
     return share * sum(wheel_speed_rad_s[:half]), share * sum(wheel_speed_rad_s[half:])
+
+
+def _effective_half_track(footprint: Footprint) -> float:
+    return footprint.effective_track_ratio * footprint.track_m / 2.0
 
 
 def _turn_rate(error_rad: float, footprint: Footprint, limits: Limits) -> float:
@@ -151,7 +157,7 @@ def _speed(curvature: float, remaining_m: float, footprint: Footprint, limits: L
     curved = min(1.0, 1.0 / max(abs(curvature) * limits.slow_radius_m, 1e-9))
     ending = min(1.0, remaining_m / limits.slow_distance_m)
     # The outer wheels run faster than the body: leave them room, or the curve opens.
-    outer = 1.0 + abs(curvature) * footprint.effective_track_ratio * footprint.track_m / 2.0
+    outer = 1.0 + abs(curvature) * _effective_half_track(footprint)
     return min(max(cruise * curved * ending, min(limits.creep_speed_m_s, cruise)), footprint.max_speed_m_s / outer)
 
 

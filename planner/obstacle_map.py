@@ -25,6 +25,7 @@ class DriveModel:
     margin_m: float = 0.11  # beyond half the width; covers path following and the corners in a curve
     squeeze_margin_m: float = 0.05  # when nothing else leads on
     comfort_m: float = 0.35  # beyond the margin, nearness still costs
+    height_sds: float = 0.5  # of a rock's height error added before it is held against the climb height
     sure_certainty: float = 0.35  # rocks less likely than this only cost
     sd_share: float = 0.5  # of a rock's position error added to its berth
     most_sd_m: float = 0.20
@@ -72,20 +73,21 @@ class ObstacleGrid:
 def obstacles(rocks: RockMemory, model: DriveModel, climb_height_m: float) -> FloatArray:
     """Obstacles (N, 7) in the world: ax, ay, bx, by of the axis segment, its berth radius, weight, 1 if hard.
 
-    Rocks lower than ``climb_height_m`` may be driven over.
+    Rocks that are lower than ``climb_height_m``, some error of their height allowed for, may be driven over.
     """
     if len(rocks) == 0:
         return NO_OBSTACLES
     half = 0.5 * np.maximum(rocks.length_m - rocks.width_m, 0.0)
     axis = half[:, None] * np.stack([np.cos(rocks.yaw_rad), np.sin(rocks.yaw_rad)], axis=1)
     certainty = rocks.certainty
-    hard = (rocks.height_m > climb_height_m) & (certainty > model.sure_certainty)
+    height = rocks.height_m + model.height_sds * rocks.height_sd_m
+    hard = (height > climb_height_m) & (certainty > model.sure_certainty)
     hard &= rocks.worst_sd_m < model.sure_sd_m
     radius = 0.5 * rocks.width_m + np.where(hard, np.minimum(model.sd_share * rocks.sd_m, model.most_sd_m), 0.0)
     # Low rocks weigh with the square of their height: the knock of a wheel that climbs them.
-    low = 0.4 * np.minimum(rocks.height_m / climb_height_m, 1.0) ** 2
-    high = np.clip(rocks.height_m / 0.25, 0.4, 1.0)
-    weight = certainty * np.where(rocks.height_m > climb_height_m, high, low)
+    low = 0.4 * np.minimum(height / climb_height_m, 1.0) ** 2
+    high = np.clip(height / 0.25, 0.4, 1.0)
+    weight = certainty * np.where(height > climb_height_m, high, low)
     table: FloatArray = np.column_stack([rocks.centre_w - axis, rocks.centre_w + axis, radius, weight, hard])
     return table
 

@@ -31,8 +31,9 @@ class RockMemory:
     length_m: FloatArray  # (N,)
     width_m: FloatArray  # (N,)
     height_m: FloatArray  # (N,)
+    height_sd_m: FloatArray  # (N,) one sigma of the height
     yaw_rad: FloatArray  # (N,) of the principal axis
-    weight: FloatArray  # (N,) of the sizes so far: sum of 1 / range^2, 1/m^2
+    weight: FloatArray  # (N,) of the sizes so far: sum of the views' weights, 1/m^2
     log_odds: FloatArray  # (N,) of being there
     seen_s: FloatArray  # (N,) time of the last view
 
@@ -69,13 +70,14 @@ class MemoryModel:
     lateral_sd_ratio: float = 0.02  # of the range: across the line of sight the error is small
     least_sd_m: float = 0.04
     seen_gain: float = 1.0  # log-odds of a view with certainty 1
-    lowering: float = 0.4  # of a size's weight where a new view would make a rock lower
-    cut_weight: float = 0.005  # of a view that runs out of the picture
+    cut_weight: float = 0.0005  # of a view that runs out of the picture
     missed_loss: float = 0.8  # log-odds of a rock that should have been seen
     drop_below: float = -1.4
     most_log_odds: float = 4.0
     sure_range_m: tuple[float, float] = (1.3, 5.5)  # inside it a missing rock is news
     sure_angle_rad: float = 0.035  # as is one of this apparent size
+    height_sd_share: float = 0.10  # of the height, and an angle: one sigma of one view's height
+    height_sd_rad: float = 0.005
     least_height_m: float = 0.03  # lower ones are no rocks to the wheels
     capacity: int = 800
 
@@ -92,7 +94,7 @@ class TerrainMemory:
 def empty_memory(centre_w: FloatArray) -> TerrainMemory:
     """A memory of nothing, its cells around ``centre_w`` (2,)."""
     none = np.zeros(0)
-    rocks = RockMemory(np.zeros((0, 2)), np.zeros((0, 2, 2)), none, none, none, none, none, none, none)
+    rocks = RockMemory(np.zeros((0, 2)), np.zeros((0, 2, 2)), *(none,) * 8)
     return TerrainMemory(rocks, empty_cells(centre_w))
 
 
@@ -152,14 +154,16 @@ def _views(observation: Observation, viewpoint_w: FloatArray, model: MemoryModel
     covariance = along[:, None, None] ** 2 * (sight[:, :, None] * sight[:, None, :])
     covariance = covariance + across[:, None, None] ** 2 * (normal[:, :, None] * normal[:, None, :])
     certainty = np.clip(np.array([rock.certainty for rock in seen]), 0.3, 0.9)
+    height, cut = np.array([rock.height_m for rock in seen]), np.array([rock.cut for rock in seen], dtype=bool)
     return RockMemory(
         centre,
         covariance.reshape(count, 2, 2),
         np.array([max(rock.length_m, rock.width_m) for rock in seen]),
         np.array([min(rock.length_m, rock.width_m) for rock in seen]),
-        np.array([rock.height_m for rock in seen]),
+        height,
+        np.hypot(model.height_sd_share * height, model.height_sd_rad * distance) / np.where(cut, 0.2, 1.0),
         np.array([rock.yaw_rad + (0.0 if rock.length_m >= rock.width_m else np.pi / 2) for rock in seen]),
-        np.array([model.cut_weight if rock.cut else 1.0 for rock in seen]) / np.maximum(distance, 0.5) ** 2,
+        np.where(cut, model.cut_weight, 1.0) / np.maximum(distance, 1.0) ** 4,
         np.log(certainty / (1.0 - certainty)),
         np.full(count, observation.time_s),
     )
@@ -194,8 +198,6 @@ def _fuse(rocks: RockMemory, views: RockMemory, match: Index, model: MemoryModel
     gain = covariance @ new_information
     centre = old.centre_w + np.einsum("nij,nj->ni", gain, new.centre_w - old.centre_w)
     share = new.weight / (old.weight + new.weight)
-    # A rock looks lower from above; taken too low it is driven over, taken too high it costs a detour.
-    height_share = np.where(new.height_m < old.height_m, model.lowering * share, share)
     yaw = old.yaw_rad + share * _half_turn(new.yaw_rad - old.yaw_rad)
     gained = np.minimum(old.log_odds + model.seen_gain * new.certainty, model.most_log_odds)
     fused = RockMemory(
@@ -203,7 +205,8 @@ def _fuse(rocks: RockMemory, views: RockMemory, match: Index, model: MemoryModel
         0.5 * (covariance + np.swapaxes(covariance, 1, 2)),
         old.length_m + share * (new.length_m - old.length_m),
         old.width_m + share * (new.width_m - old.width_m),
-        old.height_m + height_share * (new.height_m - old.height_m),
+        old.height_m + share * (new.height_m - old.height_m),
+        np.minimum(old.height_sd_m, new.height_sd_m),  # views share the plane's error: the surest one counts
         yaw,
         np.minimum(old.weight + new.weight, 4.0),
         gained,

@@ -18,9 +18,9 @@ _FOLDER = Path(__file__).parent / "rovers"
 CHASSIS = "chassis"  # what wheels and arms sit on if on no arm
 # Of the wheel radius. In this simulator rocks of 0.7 pass under Husky, of 1.2 under the rocker-bogie; vertical steps
 # of 0.6 and 0.9.
-_RIGID_CLIMB = 0.5
+_RIGID_CLIMB = 0.6
 _ARTICULATED_CLIMB = 1.2
-_CLEARANCE_SHARE = 0.6
+_BELLY_SPARE_M = 0.026  # of the clearance: sinking in and pitching take as much
 _SCANNER_ABOVE_M = 0.05
 _LENGTH = (0.001, 20.0)
 _OFFSET = (-20.0, 20.0)
@@ -182,7 +182,7 @@ class RoverModel(Table, frozen=True, kw_only=True):
     def climb_height_m(self) -> float:
         """Height of rocks that may be driven over: what the wheels climb and the belly clears, with room to spare."""
         share = _ARTICULATED_CLIMB if self.suspension.arm else _RIGID_CLIMB
-        return min(share * self.wheel.radius_m, _CLEARANCE_SHARE * self.chassis.clearance_m)
+        return min(share * self.wheel.radius_m, self.chassis.clearance_m - _BELLY_SPARE_M)
 
     @property
     def track_m(self) -> float:
