@@ -13,6 +13,7 @@ from rover_sim.errors import InputError, LinkError
 
 COMMANDS = {
     "run": "one closed-loop traverse: perceive, plan, upload missions, drive",
+    "serve": "the rover as a live MAVLink vehicle for a ground station",
     "trials": "many traverses over a grid of conditions, with a report",
     "slope": "slope and traction stress test against published curves",
     "perceive": "the perception pipeline on any picture",

@@ -20,3 +20,25 @@ class WallClock:
         remaining = elapsed_s - self.elapsed_s()
         if remaining > 0:
             time.sleep(remaining)
+
+
+class RealTime:
+    """Keeps a simulation at the pace of the wall clock; what it falls behind by more than a moment is given up."""
+
+    def __init__(self, forgiven_s: float = 0.25) -> None:
+        self._clock = WallClock()
+        self._forgiven_s = forgiven_s
+        self._behind_s = 0.0
+
+    @property
+    def factor(self) -> float:
+        """Simulated seconds in a second of wall time, since the start."""
+        elapsed_s = self._clock.elapsed_s()
+        return (elapsed_s - self._behind_s) / elapsed_s if elapsed_s > 0.0 else 1.0
+
+    def wait_until(self, time_s: float) -> None:
+        """Sleep until it is ``time_s`` after the start, less what was given up."""
+        late_s = self._clock.elapsed_s() - self._behind_s - time_s
+        if late_s > self._forgiven_s:
+            self._behind_s += late_s
+        self._clock.wait_until(time_s + self._behind_s)

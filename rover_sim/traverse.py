@@ -14,7 +14,7 @@ from planner import localization, navigator
 from planner.corridor import CAMERA_SPEED, SpeedModel
 from planner.localization import SensorModel
 from planner.navigator import NavigatorModel
-from rover_sim.autopilot.autopilot import Autopilot
+from rover_sim.autopilot.tuning import tuned_autopilot
 from rover_sim.eyes import eyes
 from rover_sim.given_way import GivenWay, Pilot, Way
 from rover_sim.mavlink.mission_file import write_plan, write_waypoints
@@ -35,15 +35,13 @@ from rover_sim.sim.vehicle_state import VehicleState, trace_columns
 from rover_sim.summary import Identity, summarize
 from rover_sim.true_obstacles import check_start
 from worlds.geometry import camera_pose, rotation_from_quaternion, to_sun, to_the_right
-from worlds.types import Footprint, Frame, Pose, RangeScan, Vector3, World
+from worlds.types import Frame, Pose, RangeScan, Vector3, World
 
 STEPS_PER_S = 240
 CONTROL_STEPS = 5  # sensors, estimate, autopilot and link at 48 Hz
 TRACE_STEPS = 10  # trace and judge at 24 Hz
-TURN_SHARE = 0.8  # of the rover's fastest turn, for turns on the spot
 STEREO_BASELINE_M = 0.12
 LASER_SD_M = 0.02  # that the rover believes of its scanner
-MARS_M_S2 = 3.71  # the autopilot's own limits are meant for it
 LINK_GRACE_S = 5.0  # the first heartbeats need not have come before
 SENSOR_STREAM, CAMERA_STREAM, LASER_STREAM = 101, 102, 103  # of the seed
 
@@ -69,16 +67,6 @@ class Status:
     doing: str
 
 
-def _autopilot(footprint: Footprint, home_w: Vector3, gravity_m_s2: float) -> Autopilot:
-    """The autopilot, quicker where more weight presses the wheels to the ground."""
-    autopilot = Autopilot(footprint, home_w)
-    weight, parameters = gravity_m_s2 / MARS_M_S2, autopilot.parameters
-    turn_deg_s = min(weight * parameters["TURN_RATE"], TURN_SHARE * float(np.rad2deg(footprint.max_yaw_rate_rad_s)))
-    parameters.set("TURN_RATE", turn_deg_s)
-    parameters.set("ACCEL_MAX", weight * parameters["ACCEL_MAX"])
-    return autopilot
-
-
 class Traverse:
     """A rover in its world, ready to drive; a context manager, as it holds links and a physics client."""
 
@@ -94,7 +82,7 @@ class Traverse:
         self._judge = Judge(Limits(touch_ends=options.any_touch_ends))
         self._mobility, self._wheel_names = MobilityLog(rover, scenario.gravity_m_s2), wheel_names(rover)
         home = (*scenario.rover.start_m, float(world.start.position_w[2]))
-        self._autopilot = _autopilot(self._footprint, home, scenario.gravity_m_s2)
+        self._autopilot = tuned_autopilot(self._footprint, home, scenario.gravity_m_s2)
         self._eyes = eyes(scenario, STEPS_PER_S) if options.way is None else {}
         self._stack = MavlinkStack(world.origin, self._autopilot, options.connect, tlog)
         try:
@@ -176,7 +164,7 @@ class Traverse:
 
     def save_mission(self, waypoints: Path, plan: Path) -> None:
         """Write the mission that the vehicle holds, in both of QGroundControl's formats."""
-        items = list(self._stack.vehicle.store.items)
+        items = self._stack.vehicle.store.for_files
         write_waypoints(waypoints, items)
         write_plan(plan, items, self._autopilot.parameters["CRUISE_SPEED"])
 

@@ -10,6 +10,7 @@ from rover_sim.mavlink.dialect import Message, Packer, Parser
 from rover_sim.mavlink.endpoint import Link
 from rover_sim.mavlink.geodesy import LocalFrame
 from rover_sim.mavlink.memory import Faults, memory_link
+from rover_sim.mavlink.persona import ARDUPILOT, Persona
 from rover_sim.mavlink.streams import GROUND_STATION_RATES
 from rover_sim.mavlink.vehicle import Vehicle
 from worlds.geometry import quaternion_from_euler
@@ -102,12 +103,12 @@ class Station:
 class Yard:
     """A vehicle on its rover, any number of stations, and a clock that only the test moves."""
 
-    def __init__(self, *stations: Station, log: Link | None = None) -> None:
+    def __init__(self, *stations: Station, log: Link | None = None, persona: Persona = ARDUPILOT) -> None:
         self.rover = KinematicRover()
         self.autopilot = Autopilot(FOOTPRINT, (0.0, 0.0, 0.0))
         self.frame = LocalFrame(Origin())
         self.stations = stations
-        self.vehicle = Vehicle(self.autopilot, self.frame, [station.link for station in stations], log)
+        self.vehicle = Vehicle(self.autopilot, self.frame, [station.link for station in stations], log, persona)
         self.step()
 
     @property

@@ -6,6 +6,7 @@ from hypothesis import strategies as st
 from rover_sim.autopilot.autopilot import Autopilot
 from rover_sim.mavlink.dialect import Packer, Parser, mavlink
 from rover_sim.mavlink.heartbeat import heartbeat
+from rover_sim.mavlink.persona import ARDUPILOT
 from rover_sim.mavlink.wire import WireItem
 from tests.mavlink_rig import FOOTPRINT
 
@@ -24,7 +25,7 @@ def checksum(data: bytes, extra: int) -> bytes:
 
 
 def test_heartbeat_bytes() -> None:
-    frame = Packer(1, 1).pack(heartbeat(Autopilot(FOOTPRINT, (0.0, 0.0, 0.0))))
+    frame = Packer(1, 1).pack(heartbeat(Autopilot(FOOTPRINT, (0.0, 0.0, 0.0)), ARDUPILOT))
     # magic, length 9, flags 0 0, sequence 0, system 1, component 1, message 0 (3 bytes)
     head = bytes.fromhex("fd 09 00 00 00 01 01 00 00 00")
     # custom mode 4 (Hold), type 10 rover, autopilot 3 ArduPilot, base mode 1 custom, status 3 standby, version 3

@@ -1,107 +1,34 @@
-"""The MAVSDK client against the vehicle, over UDP on the loopback: the one test in wall-clock time."""
+"""The MAVSDK client against the vehicle and its companion, over UDP on the loopback, in wall-clock time."""
 
 from __future__ import annotations
 
 import math
-import threading
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from rover_sim.autopilot.autopilot import Autopilot
 from rover_sim.autopilot.modes import MissionState, Mode
-from rover_sim.mavlink.geodesy import GeoPoint
 from rover_sim.mavlink.mission_file import write_plan, write_waypoints
+from rover_sim.mavlink.persona import ARDUPILOT
 from rover_sim.mavlink.plan_items import mission_items
-from rover_sim.mavlink.stack import MavlinkStack
-from rover_sim.mavlink.transport import parse_url
-from rover_sim.mavlink.udp import UdpIn
-from tests.mavlink_rig import FOOTPRINT, KinematicRover
-from worlds.scenario import Origin
-
-HOME = (0.0, 0.0, 0.0)
-STEP_S = 1.0 / 48.0
-
-
-def mavsdk_library() -> Any:
-    try:
-        import mavsdk
-    except (ImportError, OSError) as error:  # the wheel brings a compiled library
-        pytest.skip(f"the MAVSDK library cannot be loaded here: {error}")
-    return mavsdk
-
-
-class LiveRover:
-    """Rover, autopilot and MAVLink stack, ticked by a thread of its own at wall-clock speed."""
-
-    def __init__(self, url: str) -> None:
-        self.rover = KinematicRover()
-        self.autopilot = Autopilot(FOOTPRINT, HOME)
-        self.stack = MavlinkStack(Origin(), self.autopilot, [url])
-        self._stop = threading.Event()
-        self._lock = threading.Lock()
-        self._thread = threading.Thread(target=self._run, daemon=True)
-
-    def start(self) -> None:
-        self._thread.start()
-
-    def _run(self) -> None:
-        start = time.perf_counter()
-        while not self._stop.is_set():
-            with self._lock:
-                wheels = self.autopilot.update(self.rover.time_s, self.rover.estimate(), self.rover.readings())
-                self.stack.tick(self.rover.time_s, self.rover.estimate(), self.rover.readings())
-                self.rover.move(wheels, STEP_S)
-            self._stop.wait(max(start + self.rover.time_s - time.perf_counter(), 0.0))
-
-    def locked(self, action: Callable[[], Any]) -> Any:
-        with self._lock:
-            return action()
-
-    def until(self, done: Callable[[], bool], limit_s: float = 8.0) -> None:
-        end = time.perf_counter() + limit_s
-        while not self.locked(done):
-            assert time.perf_counter() < end, "time limit"
-            self._stop.wait(0.01)
-
-    def close(self) -> None:
-        self._stop.set()
-        self._thread.join()
-        self.stack.close()
+from tests.mavlink_live import HOME, LiveRover, connected_pair, place
 
 
 @pytest.fixture(scope="module")
 def pair() -> Iterator[tuple[LiveRover, Any]]:
     """A live rover and MAVSDK's view of it."""
-    library = mavsdk_library()
-    free = UdpIn(parse_url("udpin:127.0.0.1:0"))
-    port = free.port
-    free.close()
-    live = LiveRover(f"udpout:127.0.0.1:{port}")
-    kind = library.ComponentType.GROUND_STATION
-    client = library.Mavsdk(library.Configuration.create_with_component_type(kind))
-    assert client.add_any_connection(f"udpin://127.0.0.1:{port}") == library.ConnectionResult.SUCCESS
-    live.start()
-    system = client.first_autopilot(5.0)
-    assert system is not None, "MAVSDK found no autopilot"
-    yield live, system
-    client.destroy()
-    live.close()
-
-
-def place(live: LiveRover, x_m: float, y_m: float) -> GeoPoint:
-    return live.stack.frame.to_geo((x_m, y_m, 0.0))
+    with connected_pair(ARDUPILOT) as both:
+        yield both
 
 
 def test_the_companions_mission_is_downloaded_by_mavsdk(pair: tuple[LiveRover, Any]) -> None:
     from mavsdk.plugins.mission_raw import MissionRaw
 
     live, system = pair
-    items = mission_items([(3.0, 0.0, 0.0), (4.0, 1.0, 0.0)], live.stack.frame, HOME)
-    upload = live.locked(lambda: live.stack.companion.upload(items, live.rover.time_s))
+    items = mission_items([(3.0, 0.0, 0.0), (4.0, 1.0, 0.0)], live.frame, HOME)
+    upload = live.locked(lambda: live.companion.upload(items, live.rover.time_s))
     live.until(lambda: upload.state == "done")
     raw = MissionRaw(system)
     back = raw.download_mission()
@@ -170,8 +97,8 @@ def test_goto_hold_disarm_parameters_and_clearing(pair: tuple[LiveRover, Any]) -
     live.until(lambda: live.autopilot.mode is Mode.HOLD)
     action.disarm()
     live.until(lambda: not live.autopilot.armed)
-    items = mission_items([(3.0, 0.0, 0.0)], live.stack.frame, HOME)
-    upload = live.locked(lambda: live.stack.companion.upload(items, live.rover.time_s))
+    items = mission_items([(3.0, 0.0, 0.0)], live.frame, HOME)
+    upload = live.locked(lambda: live.companion.upload(items, live.rover.time_s))
     live.until(lambda: upload.state == "done")
     raw.clear_mission()
     live.until(lambda: live.autopilot.auto.state is MissionState.NO_MISSION)
@@ -184,7 +111,7 @@ def test_our_files_are_read_by_mavsdks_importers(pair: tuple[LiveRover, Any], tm
     from mavsdk.plugins.mission_raw import MissionRaw
 
     live, system = pair
-    items = mission_items([(3.0, 0.0, 0.0), (4.0, 1.0, 0.0)], live.stack.frame, HOME, speed_m_s=0.5)
+    items = mission_items([(3.0, 0.0, 0.0), (4.0, 1.0, 0.0)], live.frame, HOME, speed_m_s=0.5)
     write_plan(tmp_path / "mission.plan", items, 0.6)
     write_waypoints(tmp_path / "mission.waypoints", items)
     raw = MissionRaw(system)

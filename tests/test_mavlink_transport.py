@@ -57,12 +57,12 @@ def test_good_urls() -> None:
 
 def test_port_in_use_and_unknown_host() -> None:
     taken = UdpIn(parse_url("udpin:127.0.0.1:0"))
-    with pytest.raises(InputError, match=f"udpin:127.0.0.1:{taken.port}.*port {taken.port} is in use"):
+    with pytest.raises(LinkError, match=f"udpin:127.0.0.1:{taken.port}.*port {taken.port} is in use"):
         open_link(f"udpin:127.0.0.1:{taken.port}")
     taken.close()
     with pytest.raises(InputError, match=r"host .no\.such\.host\.invalid. is unknown"):
         open_link("udpout:no.such.host.invalid:14550")
-    with pytest.raises(InputError, match=r"cannot listen on .192\.0\.2\.1."):
+    with pytest.raises(LinkError, match=r"cannot listen on .192\.0\.2\.1."):
         open_link("udpin:192.0.2.1:14550")
 
 

@@ -179,7 +179,7 @@ def test_a_port_in_use_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
         taken.bind(("127.0.0.1", 0))
         url = f"udpin:127.0.0.1:{taken.getsockname()[1]}"
-        assert main(["run", _scenario(tmp_path), "--out", str(tmp_path / "out"), "--connect", url]) == 2
+        assert main(["run", _scenario(tmp_path), "--out", str(tmp_path / "out"), "--connect", url]) == 3
     assert url in capsys.readouterr().err.strip().splitlines()[-1]
 
 

@@ -61,6 +61,11 @@ class Autopilot:
         return self.armed and self.mode in (Mode.AUTO, Mode.GUIDED, Mode.RETURN)
 
     @property
+    def has_guided_task(self) -> bool:
+        """Whether mode Guided has something to do or has done it, such as a place to drive to."""
+        return not self._guided.mission.empty
+
+    @property
     def motion(self) -> Command:
         """The motion commanded by the last update."""
         return self._motion
@@ -95,7 +100,7 @@ class Autopilot:
             self._say(Severity.INFO, "Disarmed")
 
     def set_mode(self, number: int) -> str | None:
-        """Change the mode by its number; the reason if it is refused."""
+        """Change the mode by its number, Auto also begins a complete mission anew; the reason if it is refused."""
         try:
             mode = Mode(number)
         except ValueError:
@@ -108,17 +113,14 @@ class Autopilot:
             self._enter(mode)
             if mode is Mode.RETURN:
                 self._guide(ReturnHome())
-            self._resume()
+        if mode is Mode.AUTO and self.auto.state is MissionState.COMPLETE:
+            self.auto.load(self.auto.mission)  # begins anew
+        self._resume()
         return None
 
     def start_mission(self) -> str | None:
-        """Mode Auto, a complete mission from its beginning; the reason if it is refused."""
-        reason = self.set_mode(Mode.AUTO)
-        if reason is None:
-            if self.auto.state is MissionState.COMPLETE:
-                self.auto.load(self.auto.mission)
-            self._resume()
-        return reason
+        """Mode Auto; the reason if it is refused."""
+        return self.set_mode(Mode.AUTO)
 
     def set_mission(self, mission: Mission, current: int | None = None) -> None:
         """Replace the mission. In mode Auto and armed the rover goes on with the new one at once."""

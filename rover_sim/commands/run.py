@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import math
-import signal
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -62,6 +61,7 @@ def execute(args: argparse.Namespace) -> int:
     from rover_sim.files import output_folder
     from rover_sim.sights import Sights
     from rover_sim.sim.rover import load_rover
+    from rover_sim.stop_flag import stop_flag
     from rover_sim.traverse import RunOptions, Traverse
     from worlds.build import build_world
     from worlds.scenario import load_scenario
@@ -70,7 +70,7 @@ def execute(args: argparse.Namespace) -> int:
     rover = load_rover(scenario.rover.model)
     folder = args.out or Path("runs") / f"{scenario.name}-{args.seed}"
     options = RunOptions(connect=tuple(args.connect), realtime=args.realtime)
-    with _stop_flag() as stopped, _progress_bar(scenario.name, args.seed) as show:
+    with stop_flag() as stopped, _progress_bar(scenario.name, args.seed) as show:
         world = build_world(scenario, args.seed, source=args.scenario)
         for note in world.notes:
             print(f"rover-sim run: {note}", file=sys.stderr)  # noqa: T201 - one line that a user must see
@@ -91,23 +91,6 @@ def _expected_s(scenario: Scenario) -> float:
     """About how long the traverse takes at half a metre a second."""
     goal, start = scenario.goal.position_m, scenario.rover.start_m
     return 2.0 * math.hypot(goal[0] - start[0], goal[1] - start[1])
-
-
-@contextmanager
-def _stop_flag() -> Iterator[Callable[[], bool]]:
-    """Function that says whether Ctrl-C or a termination signal came; a second Ctrl-C interrupts at once."""
-    seen: list[int] = []
-
-    def note(number: int, _: object) -> None:
-        seen.append(number)
-        signal.signal(signal.SIGINT, signal.default_int_handler)
-
-    before = {number: signal.signal(number, note) for number in (signal.SIGINT, signal.SIGTERM)}
-    try:
-        yield lambda: bool(seen)
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
 
 
 @contextmanager

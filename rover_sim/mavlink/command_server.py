@@ -44,9 +44,9 @@ class CommandServer:
     def _set_mode(self, client: Client, message: Message) -> None:
         """The older message names only a system; ArduPilot acknowledges it like a command numbered as the message."""
         custom = message.base_mode & mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
-        failed = mavlink.MAV_RESULT_FAILED
-        refused = self._context.autopilot.set_mode(message.custom_mode) if custom else "no custom mode"
-        result = mavlink.MAV_RESULT_ACCEPTED if refused is None else failed
+        mode = self._context.persona.mode(message.custom_mode) if custom else None
+        refused = "no such mode" if mode is None else self._context.autopilot.set_mode(mode)
+        result = mavlink.MAV_RESULT_ACCEPTED if refused is None else mavlink.MAV_RESULT_FAILED
         self._acknowledge(client, mavlink.MAVLINK_MSG_ID_SET_MODE, result)
 
     def _acknowledge(self, client: Client, command: int, result: int) -> None:

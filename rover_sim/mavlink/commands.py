@@ -61,9 +61,8 @@ def _arm(context: Context, _telemetry: Telemetry, request: Request) -> int:
 
 def _set_mode(context: Context, _telemetry: Telemetry, request: Request) -> int:
     custom = math.isfinite(request.p1) and int(request.p1) & mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
-    if not custom or not math.isfinite(request.p2):
-        return UNSUPPORTED
-    return _result(context.autopilot.set_mode(int(request.p2)))
+    mode = context.persona.commanded_mode(request.p2, request.p3) if custom else None
+    return UNSUPPORTED if mode is None else _result(context.autopilot.set_mode(mode))
 
 
 def _mission_start(context: Context, _telemetry: Telemetry, request: Request) -> int:
@@ -79,6 +78,8 @@ def _set_current(context: Context, _telemetry: Telemetry, request: Request) -> i
 
 
 def _reposition(context: Context, _telemetry: Telemetry, request: Request) -> int:
+    if context.persona.px4_modes and math.isnan(request.p5) and math.isnan(request.p6):
+        return _result(context.autopilot.set_mode(Mode.HOLD))  # "stay where you are", QGroundControl's pause
     place = _place(context, request)
     return DENIED if place is None else _result(context.autopilot.goto(place))
 

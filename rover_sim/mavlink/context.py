@@ -12,6 +12,7 @@ from rover_sim.autopilot.autopilot import Autopilot
 from rover_sim.mavlink.dialect import Message
 from rover_sim.mavlink.endpoint import Client, Endpoint
 from rover_sim.mavlink.geodesy import LocalFrame
+from rover_sim.mavlink.persona import Persona
 from worlds.types import GnssReading, PoseEstimate, SensorReadings
 
 Handler = Callable[[Client, Message], None]
@@ -19,9 +20,10 @@ Handler = Callable[[Client, Message], None]
 
 @dataclass(eq=False)
 class Context:
-    """The autopilot that the vehicle speaks for, the world's place on Earth, and this tick's belief."""
+    """The autopilot that the vehicle speaks for and how, the world's place on Earth, and this tick's belief."""
 
     autopilot: Autopilot
+    persona: Persona
     frame: LocalFrame
     endpoint: Endpoint
     time_s: float = 0.0

@@ -69,6 +69,11 @@ class Endpoint:
         """All listeners, the log included."""
         return [*self._channels.values(), *([self._log] if self._log else [])]
 
+    @property
+    def station_count(self) -> int:
+        """Listeners other than the log."""
+        return len(self._channels)
+
     def poll(self, time_s: float) -> list[tuple[Client, Message]]:
         """Messages that have arrived for this component or for everyone."""
         self.time_s = time_s

@@ -50,7 +50,7 @@ class MissionReader:
             self._context.endpoint.reply(client, answer)
 
     def _item(self, client: Client, message: Message) -> None:
-        items = self._store.items or (self._store.home(),)
+        items = self._store.readable
         if message.mission_type != _MISSION:
             self._server.acknowledge(client, mavlink.MAV_MISSION_INVALID_SEQUENCE, message.mission_type)
         elif message.seq >= len(items):

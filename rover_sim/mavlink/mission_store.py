@@ -19,7 +19,8 @@ class MissionStore:
 
     def check(self, item: WireItem, seq: int) -> Item:
         """The autopilot's item; raises RefusedItemError."""
-        return typed_item(item, seq, self._context.frame, self._context.autopilot.home_w)
+        may_be_home = seq == 0 and self._context.persona.home_first
+        return typed_item(item, self._context.frame, self._context.autopilot.home_w, may_be_home=may_be_home)
 
     def replace(self, items: list[WireItem]) -> None:
         """Store checked items and hand them to the autopilot; the item marked as current is where it begins."""
@@ -30,8 +31,18 @@ class MissionStore:
         self.items = tuple(items)
         self._context.autopilot.set_mission(Mission(typed), marked)
 
-    def home(self) -> WireItem:
-        """The home position as an item: what seq 0 of an empty mission reads as."""
+    @property
+    def readable(self) -> tuple[WireItem, ...]:
+        """What can be read: an ArduPilot's item 0 is its home, mission or not."""
+        return self.items or ((self._home(),) if self._context.persona.home_first else ())
+
+    @property
+    def for_files(self) -> list[WireItem]:
+        """The mission with a home at its head, as both mission file formats want it."""
+        has_home = bool(self.items) and self._context.persona.home_first and self.items[0].is_home
+        return [*self.items] if has_home else [self._home(), *self.items]
+
+    def _home(self) -> WireItem:
         place = self._context.frame.to_geo(self._context.autopilot.home_w)
         return WireItem(
             mavlink.MAV_FRAME_GLOBAL,

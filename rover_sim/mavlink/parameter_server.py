@@ -1,7 +1,12 @@
-"""Parameters over MAVLink, values cast to float whatever their type: ArduPilot's encoding."""
+"""Parameters over MAVLink, in the persona's encoding.
+
+ArduPilot casts every value to float, others lay the bytes of an integer into the float field.
+"""
 
 from __future__ import annotations
 
+import math
+import struct
 from collections.abc import Mapping
 
 from rover_sim.mavlink.context import Context, Handler
@@ -9,6 +14,7 @@ from rover_sim.mavlink.dialect import Message, mavlink
 from rover_sim.mavlink.endpoint import Client
 
 _FULL_NAME = 16
+_INTEGERS = (mavlink.MAV_PARAM_TYPE_INT32, mavlink.MAV_PARAM_TYPE_UINT32)
 
 
 class ParameterServer:
@@ -44,7 +50,7 @@ class ParameterServer:
         name = message.param_id
         if name not in self._table:
             self._refuse(client, name, -1, mavlink.MAV_PARAM_ERROR_DOES_NOT_EXIST)
-        elif self._table.set(name, message.param_value):
+        elif self._table.set(name, self._decoded(name, message)):
             self._context.endpoint.broadcast(self._value(name))
         else:
             self._refuse(client, name, -1, mavlink.MAV_PARAM_ERROR_VALUE_OUT_OF_RANGE)
@@ -53,10 +59,20 @@ class ParameterServer:
     def _value(self, name: str) -> Message:
         parameter = self._table.describe(name)
         kind = mavlink.MAV_PARAM_TYPE_INT32 if parameter.integer else mavlink.MAV_PARAM_TYPE_REAL32
-        names = self._table.names
-        return mavlink.MAVLink_param_value_message(
-            name.encode(), self._table[name], kind, len(names), names.index(name)
-        )
+        names, value = self._table.names, self._table[name]
+        if parameter.integer and self._context.persona.bytewise:
+            (value,) = struct.unpack("<f", struct.pack("<i", int(value)))
+        return mavlink.MAVLink_param_value_message(name.encode(), value, kind, len(names), names.index(name))
+
+    def _decoded(self, name: str, message: Message) -> float:
+        """The value that a PARAM_SET means; NaN, which nothing takes, for a type that is not the parameter's."""
+        value = float(message.param_value)
+        if not self._context.persona.bytewise:
+            return value
+        if self._table.describe(name).integer:
+            whole = message.param_type in _INTEGERS
+            return float(struct.unpack("<i", struct.pack("<f", value))[0]) if whole else math.nan
+        return value if message.param_type == mavlink.MAV_PARAM_TYPE_REAL32 else math.nan
 
     def _refuse(self, client: Client, name: str, index: int, error: int) -> None:
         text = name.encode("ascii", errors="replace")[:_FULL_NAME]

@@ -25,7 +25,7 @@ def resolve(url: LinkUrl, kind: socket.SocketKind) -> tuple[socket.AddressFamily
 
 
 def bound(url: LinkUrl, kind: socket.SocketKind) -> socket.socket:
-    """Non-blocking socket bound to the URL's host and port; raises InputError if it is taken or not ours."""
+    """Non-blocking socket bound to the URL's host and port; raises LinkError if it is taken or not ours."""
     family, address = resolve(url, kind)
     link = socket.socket(family, kind)
     if kind is socket.SOCK_STREAM:
@@ -34,7 +34,7 @@ def bound(url: LinkUrl, kind: socket.SocketKind) -> socket.socket:
         link.bind(address)
     except OSError as error:
         link.close()
-        raise InputError(f"link {url.text!r}: {_bind_reason(url, error)}") from error
+        raise LinkError(f"link {url.text!r}: {_bind_reason(url, error)}") from error
     link.setblocking(False)
     return link
 

@@ -20,6 +20,21 @@ from worlds.scenario import Origin
 from worlds.types import PoseEstimate, SensorReadings
 
 
+def open_links(
+    urls: Sequence[str], tlog: Path | None = None, epoch_s: float = SIMULATED_EPOCH_S
+) -> tuple[list[Link], Link | None]:
+    """A link to ground stations for each URL, and the log; if one cannot be opened, those before are closed again."""
+    links = []
+    with ExitStack() as undo:
+        for url in urls:
+            transport = open_link(url)
+            undo.callback(transport.close)
+            links.append(Link(transport, GROUND_STATION_RATES, hears_simulator=True))
+        writer = None if tlog is None else TlogWriter(tlog, epoch_s)
+        undo.pop_all()  # all are open: from here on the vehicle's `close` is responsible
+    return links, None if writer is None else Link(writer, GROUND_STATION_RATES, hears_simulator=True)
+
+
 class MavlinkStack:
     """Vehicle and companion on a memory link, and one more link for each URL.
 
@@ -36,15 +51,8 @@ class MavlinkStack:
     ) -> None:
         self.frame = LocalFrame(origin)
         inner, outer = memory_link()
-        links = [Link(inner, COMPANION_RATES)]
-        with ExitStack() as undo:
-            for url in connect:
-                transport = open_link(url)
-                undo.callback(transport.close)
-                links.append(Link(transport, GROUND_STATION_RATES, hears_simulator=True))
-            writer = None if tlog is None else TlogWriter(tlog, epoch_s)
-            log = None if writer is None else Link(writer, GROUND_STATION_RATES, hears_simulator=True)
-            undo.pop_all()  # all are open: from here on `close` is responsible
+        stations, log = open_links(connect, tlog, epoch_s)
+        links = [Link(inner, COMPANION_RATES), *stations]
         self.vehicle = Vehicle(autopilot, self.frame, links, log)
         self.narrator = Narrator(self.vehicle.endpoint)
         self.companion = Companion(Link(outer, {}))

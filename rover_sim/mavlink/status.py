@@ -12,6 +12,7 @@ _TEXT_BYTES = 50  # of one STATUSTEXT
 _ALWAYS = (
     mavlink.MAV_SYS_STATUS_SENSOR_3D_GYRO
     | mavlink.MAV_SYS_STATUS_SENSOR_3D_ACCEL
+    | mavlink.MAV_SYS_STATUS_SENSOR_3D_MAG  # the simulated IMU tells the heading as a compass does
     | mavlink.MAV_SYS_STATUS_SENSOR_MOTOR_OUTPUTS
     | mavlink.MAV_SYS_STATUS_AHRS
     | mavlink.MAV_SYS_STATUS_PREARM_CHECK
@@ -39,13 +40,17 @@ def battery_status(_context: Context) -> Message:
     return mavlink.MAVLink_battery_status_message(0, *kind, 32767, unknown, -1, -1, -1, -1)
 
 
-def extended_sys_state(_context: Context) -> Message:
-    """EXTENDED_SYS_STATE with landed state 0.
+def extended_sys_state(context: Context) -> Message:
+    """EXTENDED_SYS_STATE: "in the air" is how ground stations call a vehicle that drives by itself.
 
-    Any other makes QGroundControl's idea of "flying" flicker between this and the heartbeat, and with it the buttons.
+    For an ArduPilot QGroundControl takes it from the heartbeat as well, and with two sources its buttons flicker, so
+    there the landed state is 0.
     """
-    undefined = mavlink.MAV_LANDED_STATE_UNDEFINED
-    return mavlink.MAVLink_extended_sys_state_message(mavlink.MAV_VTOL_STATE_UNDEFINED, undefined)
+    landed = mavlink.MAV_LANDED_STATE_UNDEFINED
+    if context.persona.tells_landed:
+        driving = context.autopilot.driving
+        landed = mavlink.MAV_LANDED_STATE_IN_AIR if driving else mavlink.MAV_LANDED_STATE_ON_GROUND
+    return mavlink.MAVLink_extended_sys_state_message(mavlink.MAV_VTOL_STATE_UNDEFINED, landed)
 
 
 def mission_current(context: Context) -> Message:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from importlib.metadata import version
 
 from rover_sim.mavlink import attitude, status
 from rover_sim.mavlink.context import Context, Handler
@@ -15,8 +14,8 @@ from rover_sim.mavlink.heartbeat import autopilot_version, heartbeat
 Builder = Callable[[Context], Message | None]  # None: nothing to tell, such as a position before the first pose
 
 BUILDERS: Mapping[int, Builder] = {
-    mavlink.MAVLINK_MSG_ID_HEARTBEAT: lambda context: heartbeat(context.autopilot),
-    mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION: lambda _: autopilot_version(version("rover-sim")),
+    mavlink.MAVLINK_MSG_ID_HEARTBEAT: lambda context: heartbeat(context.autopilot, context.persona),
+    mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION: lambda context: autopilot_version(context.persona),
     mavlink.MAVLINK_MSG_ID_SYS_STATUS: status.sys_status,
     mavlink.MAVLINK_MSG_ID_BATTERY_STATUS: status.battery_status,
     mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: status.extended_sys_state,
@@ -98,7 +97,11 @@ class Telemetry:
         """Messages whose content must be known at once; the first tick counts as no change."""
         autopilot = self._context.autopilot
         shown: dict[int, tuple[object, ...]] = {
-            mavlink.MAVLINK_MSG_ID_HEARTBEAT: (autopilot.mode, autopilot.armed, autopilot.tripped),
+            mavlink.MAVLINK_MSG_ID_HEARTBEAT: (
+                self._context.persona.custom_mode(autopilot),
+                autopilot.armed,
+                autopilot.tripped,
+            ),
             mavlink.MAVLINK_MSG_ID_MISSION_CURRENT: (
                 autopilot.auto.current,
                 autopilot.auto.state,

@@ -68,7 +68,7 @@ def parse_url(text: str) -> LinkUrl:
 def open_link(text: str) -> Transport:
     """Open the link of a URL.
 
-    Raises InputError (bad URL, unknown host, port in use) or LinkError (nobody answers), one line naming the URL.
+    Raises InputError (bad URL, unknown host) or LinkError (port in use, nobody answers), one line naming the URL.
     """
     from rover_sim.mavlink.tcp import TcpClient, TcpServer
     from rover_sim.mavlink.udp import UdpIn, UdpOut

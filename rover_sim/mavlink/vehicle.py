@@ -16,6 +16,7 @@ from rover_sim.mavlink.mission_reader import MissionReader
 from rover_sim.mavlink.mission_server import MissionServer
 from rover_sim.mavlink.mission_store import MissionStore
 from rover_sim.mavlink.parameter_server import ParameterServer
+from rover_sim.mavlink.persona import ARDUPILOT, Persona
 from rover_sim.mavlink.small_services import ClockService, FileService
 from rover_sim.mavlink.status import status_texts
 from rover_sim.mavlink.telemetry import Telemetry
@@ -27,9 +28,16 @@ _FIRST_TEXT = 16  # numbers below are taken by the services' own long texts
 class Vehicle:
     """Speaks for an autopilot on any number of links, as system 1, component 1."""
 
-    def __init__(self, autopilot: Autopilot, frame: LocalFrame, links: Iterable[Link], log: Link | None = None) -> None:
+    def __init__(
+        self,
+        autopilot: Autopilot,
+        frame: LocalFrame,
+        links: Iterable[Link],
+        log: Link | None = None,
+        persona: Persona = ARDUPILOT,
+    ) -> None:
         self.endpoint = Endpoint(SYSTEM, COMPONENT, links, log)
-        self._context = Context(autopilot, frame, self.endpoint)
+        self._context = Context(autopilot, persona, frame, self.endpoint)
         self.store = MissionStore(self._context)
         telemetry = Telemetry(self._context)
         missions = MissionServer(self._context, self.store)
@@ -49,8 +57,13 @@ class Vehicle:
         self._texts = 0
 
     def tick(self, time_s: float, estimate: PoseEstimate | None, readings: SensorReadings | None) -> None:
-        """Answer what has arrived, tell what has happened, stream what is due."""
+        """Take over what the rover believes now, then `answer`."""
         self._context.look(time_s, estimate, readings)
+        self.answer(time_s)
+
+    def answer(self, time_s: float) -> None:
+        """Answer what has arrived, tell what has happened, stream what is due."""
+        self._context.time_s = time_s
         for client, message in self.endpoint.poll(time_s):
             handler = self._handlers.get(message.get_type())
             if handler is not None:

@@ -74,9 +74,9 @@ class RefusedItemError(Exception):
         self.result = result
 
 
-def typed_item(item: WireItem, seq: int, frame: LocalFrame, home_w: Vector3) -> Item:
+def typed_item(item: WireItem, frame: LocalFrame, home_w: Vector3, *, may_be_home: bool) -> Item:
     """The autopilot's item; raises RefusedItemError with the exact reason. NaN stands for "not given" everywhere."""
-    if seq == 0 and item.is_home:
+    if may_be_home and item.is_home:
         _check_degrees(item)
         return Home()
     if item.command in (WAYPOINT, mavlink.MAV_CMD_NAV_LOITER_TIME):

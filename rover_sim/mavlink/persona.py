@@ -1,0 +1,101 @@
+"""Personas: as whose vehicle the rover answers, since ground stations treat each autopilot by rules of its own.
+
+A persona is one table of mode numbers, one rule for item 0 of a mission and one encoding of parameters. It is chosen
+before the start: ground stations keep what the first heartbeat says. Mode numbers: ArduPilot ``Rover/mode.h`` and PX4
+``px4_custom_mode.h`` (main mode in bits 16 to 23, sub mode in bits 24 to 31).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from rover_sim.autopilot.autopilot import Autopilot
+from rover_sim.autopilot.modes import Mode
+from rover_sim.mavlink.dialect import mavlink
+
+_COMMON = (
+    mavlink.MAV_PROTOCOL_CAPABILITY_MISSION_INT
+    | mavlink.MAV_PROTOCOL_CAPABILITY_COMMAND_INT
+    | mavlink.MAV_PROTOCOL_CAPABILITY_MAVLINK2
+)
+
+
+def _px4(main: int, sub: int = 0) -> int:
+    return main << 16 | sub << 24
+
+
+@dataclass(frozen=True)
+class Persona:
+    """How one kind of autopilot speaks."""
+
+    name: str
+    autopilot: int  # MAV_AUTOPILOT of the heartbeat
+    capabilities: int  # MAV_PROTOCOL_CAPABILITY
+    numbers: Mapping[Mode, int]  # custom_mode
+    px4_modes: bool  # DO_SET_MODE names main and sub mode, and Guided is two modes
+    home_first: bool  # item 0 of a mission may be the home position
+    bytewise: bool  # an integer parameter travels as its bytes, not as a rounded float
+    tells_landed: bool  # whether "flying" is told by EXTENDED_SYS_STATE alone
+    imitates: tuple[int, int, int] | None = None  # the version that is claimed; None: that of rover-sim
+
+    def custom_mode(self, autopilot: Autopilot) -> int:
+        """custom_mode of the heartbeat. PX4 drives to a place in Hold, and follows set points in Offboard."""
+        mode = autopilot.mode
+        if self.px4_modes and mode is Mode.GUIDED and autopilot.has_guided_task:
+            mode = Mode.HOLD
+        return self.numbers[mode]
+
+    def mode(self, custom_mode: int) -> Mode | None:
+        """The mode of a number; None if this persona has none such."""
+        return next((mode for mode, number in self.numbers.items() if number == custom_mode), None)
+
+    def commanded_mode(self, main: float, sub: float) -> Mode | None:
+        """The mode that parameters 2 and 3 of DO_SET_MODE name."""
+        if not self.px4_modes:
+            return self.mode(int(main)) if main.is_integer() else None
+        sub = sub if sub == sub else 0.0  # noqa: PLR0124  (NaN: not given)
+        if not (main.is_integer() and sub.is_integer()):
+            return None
+        return self.mode(_px4(int(main), int(sub)))
+
+
+_PX4_NUMBERS: Mapping[Mode, int] = {
+    Mode.MANUAL: _px4(1),
+    Mode.HOLD: _px4(4, 3),
+    Mode.AUTO: _px4(4, 4),
+    Mode.RETURN: _px4(4, 5),
+    Mode.GUIDED: _px4(6),
+}
+ARDUPILOT = Persona(
+    name="ardupilot",
+    autopilot=int(mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA),
+    capabilities=_COMMON | mavlink.MAV_PROTOCOL_CAPABILITY_PARAM_ENCODE_C_CAST,
+    numbers={mode: int(mode) for mode in Mode},
+    px4_modes=False,
+    home_first=True,
+    bytewise=False,
+    tells_landed=False,
+)
+PX4 = Persona(
+    name="px4",
+    autopilot=int(mavlink.MAV_AUTOPILOT_PX4),
+    capabilities=_COMMON | mavlink.MAV_PROTOCOL_CAPABILITY_PARAM_ENCODE_BYTEWISE,
+    numbers=_PX4_NUMBERS,
+    px4_modes=True,
+    home_first=False,
+    bytewise=True,
+    tells_landed=True,
+    imitates=(1, 15, 0),  # below 1.4.1 QGroundControl warns of an outdated firmware
+)
+GENERIC = Persona(
+    name="generic",
+    autopilot=int(mavlink.MAV_AUTOPILOT_GENERIC),
+    capabilities=_COMMON | mavlink.MAV_PROTOCOL_CAPABILITY_PARAM_ENCODE_BYTEWISE,
+    numbers=_PX4_NUMBERS,  # what MAVSDK sends to an autopilot that it does not know
+    px4_modes=True,
+    home_first=False,
+    bytewise=True,
+    tells_landed=True,
+)
+PERSONAS: Mapping[str, Persona] = {persona.name: persona for persona in (ARDUPILOT, PX4, GENERIC)}

@@ -1,0 +1,107 @@
+"""The serve command as a user meets it: a heartbeat on the port, files after Ctrl-C, one line for each mistake."""
+
+from __future__ import annotations
+
+import signal
+import socket
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rover_sim.cli import main
+from rover_sim.live import FILES
+from rover_sim.mavlink.dialect import Packer, Parser, mavlink
+from rover_sim.mavlink.tlog import read_tlog
+from rover_sim.pacing import RealTime
+
+YARD = """
+name = "yard"
+[terrain]
+kind = "flat"
+size_m = [12.0, 10.0]
+resolution_m = 0.1
+[soil]
+preset = "firm"
+[goal]
+position_m = [3.0, 0.5]
+"""
+
+
+def _scenario(folder: Path) -> str:
+    path = folder / "yard.toml"
+    path.write_text(YARD, encoding="utf-8")
+    return str(path)
+
+
+def test_it_answers_in_real_time_and_ends_cleanly_by_ctrl_c(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as station:
+        station.bind(("127.0.0.1", 0))
+        station.settimeout(60.0)
+        url = f"udpout:127.0.0.1:{station.getsockname()[1]}"
+        script = "from rover_sim.cli import main; raise SystemExit(main())"
+        command = [sys.executable, "-c", script, "serve", _scenario(tmp_path), "--persona", "px4", "--out", str(out)]
+        with subprocess.Popen([*command, "--connect", url], stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+            parser, packer, seen = Parser(), Packer(255, 190), {"nothing"}
+            arm = mavlink.MAVLink_command_long_message(1, 1, 400, 0, 1, 0, 0, 0, 0, 0, 0)
+            while "COMMAND_ACK" not in seen:
+                data, address = station.recvfrom(4096)
+                for message in parser.datagram(data):
+                    if message.get_type() == "HEARTBEAT" and len(seen) == 1:
+                        assert message.autopilot == mavlink.MAV_AUTOPILOT_PX4
+                        station.sendto(packer.pack(arm), address)
+                    seen.add(message.get_type())
+            process.send_signal(signal.SIGINT)
+            _, errors = process.communicate(timeout=30)
+        assert process.returncode == 0, errors
+    assert {path.name for path in out.iterdir()} == set(FILES)
+    assert any(frame[7:10] == b"\0\0\0" for _, frame in read_tlog(out / "telemetry.tlog"))  # a heartbeat
+    trace = np.load(out / "trace.npz")
+    assert len(trace["time_s"]) == len(trace["armed"]) > 0
+
+
+@pytest.mark.parametrize(
+    ("option", "url", "code", "says"),
+    [
+        ("--connect", "http://x:80", 2, "unknown kind 'http'"),
+        ("--listen", "udpout:127.0.0.1:5", 2, "allowed: udpin:HOST:PORT or tcpin:HOST:PORT"),
+        ("--listen", "udpin:127.0.0.1:TAKEN", 3, "is in use"),
+        ("--connect", "tcp:127.0.0.1:1", 3, "cannot connect"),
+    ],
+)
+def test_a_bad_link_is_one_line(
+    option: str, url: str, code: int, says: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
+        taken.bind(("127.0.0.1", 0))
+        url = url.replace("TAKEN", str(taken.getsockname()[1]))
+        arguments = ["serve", _scenario(tmp_path), "--out", str(tmp_path / "out"), option, url]
+        assert main(arguments) == code
+    (line,) = capsys.readouterr().err.strip().splitlines()
+    assert says in line
+    assert url in line
+
+
+def test_a_wrong_persona_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as caught:
+        main(["serve", "--persona", "apm"])
+    assert caught.value.code == 2
+    assert "'ardupilot', 'px4', 'generic'" in capsys.readouterr().err
+
+
+def test_time_that_was_lost_is_not_run_after(monkeypatch: pytest.MonkeyPatch) -> None:
+    now = [0.0]
+    monkeypatch.setattr("rover_sim.pacing.time.perf_counter", lambda: now[0])
+    slept: list[float] = []
+    monkeypatch.setattr("rover_sim.pacing.time.sleep", slept.append)
+    pace = RealTime()
+    pace.wait_until(0.5)
+    assert slept == [0.5]
+    now[0] = 3.0
+    pace.wait_until(1.0)  # two seconds late: given up
+    pace.wait_until(1.5)
+    assert slept[-1] == pytest.approx(0.5)
+    assert pace.factor == pytest.approx(1.0 / 3.0)
