@@ -8,6 +8,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from perception.ttam import ttam
@@ -26,58 +27,76 @@ ROUGH_COVER = 0.10
 
 def rock_extents_px(ids: IntArray) -> IntArray:
     """Longer side (pixels) of each clast's box in the whole picture, indexed by its id."""
-    rows, columns = np.nonzero(ids > 0)
-    owner = ids[rows, columns]
-    count = int(owner.max(initial=0)) + 1
-    low = np.full((count, 2), np.iinfo(np.int32).max)
-    high = np.full((count, 2), -1)
-    for axis, values in enumerate((rows, columns)):
-        np.minimum.at(low[:, axis], owner, values)
-        np.maximum.at(high[:, axis], owner, values)
-    return np.asarray(np.maximum((high - low + 1).max(axis=1), 0), dtype=np.int32)
-
-
-def resolved(ids: IntArray) -> IntArray:
-    """``ids`` (H, W) with the clasts that cover less than `RESOLVED_PX` of the picture taken for ground."""
-    lifted = np.maximum(ids, 0)
-    small = np.bincount(lifted.ravel()) < RESOLVED_PX
-    return np.where((ids > 0) & small[lifted], 0, ids)
-
-
-def _window_class(pixels: IntArray, extent_px: IntArray) -> TerrainClass:
-    """Class of one near window with at least one clast pixel, by the working definitions of the six classes."""
-    owners, counts = np.unique(pixels[pixels > 0], return_counts=True)
-    cover = counts.sum() / pixels.size
-    largest = int(np.argmax(counts))
-    if extent_px[owners[largest]] >= BIG_EXTENT_PX and counts[largest] >= BIG_COVER * pixels.size:
-        return TerrainClass.BIG_ROCK
-    if cover > VERY_ROUGH_COVER:
-        return TerrainClass.VERY_ROUGH
-    if cover >= ROUGH_COVER or counts[largest] > VERY_SMALL_PX:
-        return TerrainClass.ROUGH
-    return TerrainClass.SAND if len(counts) == 1 and counts[0] <= SPECK_PX else TerrainClass.VERY_SMALL_ROCKS
+    return _clasts(ids)[0]
 
 
 def true_classes(ids: IntArray, depth_m: NDArray[np.float32]) -> NDArray[np.str_]:
     """True class letters (rows, columns) of the 20 x 20 px windows of one rendered picture (H, W).
 
     ``ids`` is -1 at the sky, 0 on bare ground and the clast's id elsewhere (`Renderer.clasts`). Windows that are
-    mostly sky, or farther than 15 m, are U. Cover and extent of clasts decide the rest, as in the hand labels of the
-    six classes: S no clast or one speck; V clasts up to about 4 px; m larger ones, or from 10 % cover; M over 35 %; B
-    one rock from 20 px long on 40 % of the window.
+    mostly sky, or farther than 15 m, are U; clasts that cover less than `RESOLVED_PX` of the picture are ground. Cover
+    and extent of clasts decide the rest, as in the hand labels of the six classes: S no clast or one speck; V clasts up
+    to about 4 px; m larger ones, or from 10 % cover; M over 35 %; B one rock from 20 px long on 40 % of the window.
+    """
+    far, cover, number, largest, longest = _windows(ids, depth_m, *_clasts(ids))
+    size = WINDOW_PX**2
+    letters = np.full(far.shape, TerrainClass.VERY_SMALL_ROCKS.value, dtype="<U1")
+    letters[(number == 0) | ((number == 1) & (largest <= SPECK_PX))] = TerrainClass.SAND.value
+    letters[(cover >= ROUGH_COVER * size) | (largest > VERY_SMALL_PX)] = TerrainClass.ROUGH.value
+    letters[cover > VERY_ROUGH_COVER * size] = TerrainClass.VERY_ROUGH.value
+    letters[(longest >= BIG_EXTENT_PX) & (largest >= BIG_COVER * size)] = TerrainClass.BIG_ROCK.value
+    letters[far > size / 2] = TerrainClass.UNCERTAIN.value
+    return letters
+
+
+@njit(cache=True, nogil=True)
+def _clasts(ids: IntArray) -> tuple[IntArray, IntArray]:
+    """Longer side of its box and area (ids,) of each clast, in pixels of the whole picture."""
+    count = max(ids.max(), 0) + 1
+    extent_px, area_px = np.zeros(count, dtype=np.int32), np.zeros(count, dtype=np.int32)
+    boxes = np.zeros((count, 4), dtype=np.int32)  # first and last row, first and last column
+    for row in range(ids.shape[0]):
+        for column in range(ids.shape[1]):
+            clast = ids[row, column]
+            if clast > 0:
+                if area_px[clast] == 0:
+                    boxes[clast, 0], boxes[clast, 2] = row, column
+                area_px[clast] += 1
+                boxes[clast, 1] = row
+                boxes[clast, 2], boxes[clast, 3] = min(boxes[clast, 2], column), max(boxes[clast, 3], column)
+                extent_px[clast] = max(row - boxes[clast, 0], boxes[clast, 3] - boxes[clast, 2]) + 1
+    return extent_px, area_px
+
+
+@njit(cache=True, nogil=True)
+def _windows(ids: IntArray, depth_m: NDArray[np.float32], extent_px: IntArray, area_px: IntArray) -> IntArray:
+    """Of each window (5, rows, columns): pixels too far, pixels of clasts, their number, pixels and extent of the main.
+
+    Of clasts with as many pixels the one with the lowest id is the main one.
     """
     rows, columns = ids.shape[0] // WINDOW_PX, ids.shape[1] // WINDOW_PX
-    ids = resolved(ids)
-    extent_px = rock_extents_px(ids)
-    shape = (rows, WINDOW_PX, columns, WINDOW_PX)
-    crop = np.s_[: rows * WINDOW_PX, : columns * WINDOW_PX]
-    tiles = ids[crop].reshape(shape).transpose(0, 2, 1, 3).reshape(rows, columns, -1)
-    far = (depth_m[crop] > FAR_M).reshape(shape).mean(axis=(1, 3)) > 0.5  # the sky's depth is infinite
-    letters = np.full((rows, columns), TerrainClass.SAND.value, dtype="<U1")
-    for row, column in zip(*np.nonzero((tiles > 0).any(axis=2) & ~far), strict=True):
-        letters[row, column] = _window_class(tiles[row, column], extent_px).value
-    letters[far] = TerrainClass.UNCERTAIN.value
-    return letters
+    told = np.zeros((5, rows, columns), dtype=np.int32)
+    counts, met = np.zeros(len(area_px), dtype=np.int32), np.empty(WINDOW_PX**2, dtype=np.int32)
+    for row in range(rows):
+        for column in range(columns):
+            number = 0
+            for y in range(row * WINDOW_PX, (row + 1) * WINDOW_PX):
+                for x in range(column * WINDOW_PX, (column + 1) * WINDOW_PX):
+                    told[0, row, column] += depth_m[y, x] > FAR_M  # the sky's depth is infinite
+                    clast = ids[y, x]
+                    if clast > 0 and area_px[clast] >= RESOLVED_PX:
+                        if counts[clast] == 0:
+                            met[number] = clast
+                            number += 1
+                        counts[clast] += 1
+            main = 0
+            for clast in met[:number]:
+                told[1, row, column] += counts[clast]
+                if main == 0 or (counts[clast], main) > (counts[main], clast):
+                    main = clast
+            told[2, row, column], told[3, row, column], told[4, row, column] = number, counts[main], extent_px[main]
+            counts[met[:number]] = 0
+    return told
 
 
 def _resampled(buffer: NDArray[Any], size: tuple[int, int]) -> NDArray[Any]:

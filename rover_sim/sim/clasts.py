@@ -6,15 +6,21 @@ Pebbles are part of the ground's texture and have no place in the renderer's id 
 from __future__ import annotations
 
 import numpy as np
+from numba import njit
+from numpy.typing import NDArray
 
 from rover_sim.sim.ground_textures import GROUND_SIZE_PX, GROUND_TILE_M, Pebbles
 from rover_sim.sim.renderer import GROUND_ID, RenderedImage, pose_rotation
 from rover_sim.sim.textures import DRIFT_SIZE_PX, DRIFT_TILE_M, Pyramid
 from worlds.types import CameraModel, FloatArray, IntArray, Pose
 
+SingleArray = NDArray[np.float32]
+Places = NDArray[np.int64]
 LEAST_PX = 1.0  # a pebble that covers less of the picture does not stand out
 LEAST_STRENGTH = 0.5  # where the texture shows weaker a pixel is more soil than pebble
 _STEEPEST = 0.04  # least cosine between ray and ground, as the shading has it
+_TEXELS_PER_M = GROUND_SIZE_PX / GROUND_TILE_M
+_TILES = 1 << 15  # on either side of the origin: 131 km
 
 
 def clast_ids(
@@ -25,27 +31,66 @@ def clast_ids(
     A pebble is visible where it covers a pixel or more and the ground shows it. What wheels pressed in counts too.
     """
     ids = picture.ids.copy()
-    rows, columns = np.nonzero(ids == GROUND_ID)
-    ray = np.column_stack([columns + 0.5 - camera.width_px / 2, rows + 0.5 - camera.height_px / 2]) / camera.focal_px
-    ray_w = np.column_stack([ray, np.ones(len(rows))]) @ pose_rotation(pose).T
-    depth = picture.depth_m[rows, columns].astype(np.float64)
-    place = pose.position_w[:2] + depth[:, None] * ray_w[:, :2]
-    texel = np.floor(place * (GROUND_SIZE_PX / GROUND_TILE_M)).astype(np.int64)
-    tile, texel = np.divmod(texel, GROUND_SIZE_PX)
-    owner = pebbles.owner[texel[:, 1], texel[:, 0]]
-    cosine = np.maximum(np.abs(ray_w[:, 2]) / np.linalg.norm(ray_w, axis=1), _STEEPEST)
-    pixel_m2 = (depth / camera.focal_px) ** 2 / cosine
-    shown = (owner >= 0) & (_strength(place, drift) >= LEAST_STRENGTH)
-    shown[shown] = pebbles.area_m2[owner[shown]] >= LEAST_PX * pixel_m2[shown]
-    key = np.column_stack([tile[shown], owner[shown]])
-    _, number = np.unique(key, axis=0, return_inverse=True)
-    ids[rows[shown], columns[shown]] = first + number.ravel()
+    lens = (camera.width_px / 2, camera.height_px / 2, camera.focal_px)
+    texels, strength = pebbles.owner, drift.data[: DRIFT_SIZE_PX**2, 3]  # its finest level
+    pixels, keys = _shown(picture, pose, lens, texels, pebbles.area_m2, strength)
+    _, number = np.unique(keys, return_inverse=True)
+    ids.ravel()[pixels] = first + number
     return ids
 
 
-def _strength(place: FloatArray, drift: Pyramid) -> FloatArray:
-    """How much of the fine texture shows (N,) at x, y (N, 2); the drift texture lies turned, as in the shading."""
-    x, y = place.T
-    turned = np.stack([0.8 * x - 0.6 * y, 0.6 * x + 0.8 * y]) * (DRIFT_SIZE_PX / DRIFT_TILE_M)
-    column, row = np.floor(turned).astype(np.int64) % DRIFT_SIZE_PX
-    return np.asarray(drift.data[row * DRIFT_SIZE_PX + column, 3], dtype=np.float64)
+def _shown(
+    picture: RenderedImage,
+    pose: Pose,
+    lens: tuple[float, float, float],
+    owner: IntArray,
+    area_m2: FloatArray,
+    strength: SingleArray,
+) -> tuple[Places, Places]:
+    """Flat places (N,) of the pixels that show a pebble, and a number (N,) for each pebble of each tile."""
+    return _shown_kernel(
+        picture.ids, picture.depth_m, pose.position_w, pose_rotation(pose), lens, owner, area_m2, strength
+    )
+
+
+@njit(cache=True, nogil=True)
+def _shown_kernel(
+    ids: IntArray,
+    depth_m: SingleArray,
+    eye_w: FloatArray,
+    r: FloatArray,
+    lens: tuple[float, float, float],
+    owner: IntArray,
+    area_m2: FloatArray,
+    strength: SingleArray,
+) -> tuple[Places, Places]:
+    pixels, keys = np.empty(ids.size, dtype=np.int64), np.empty(ids.size, dtype=np.int64)
+    found, columns = 0, ids.shape[1]
+    for row in range(ids.shape[0]):
+        for column in range(columns):
+            if ids[row, column] != GROUND_ID:
+                continue
+            u, v, depth = (column + 0.5 - lens[0]) / lens[2], (row + 0.5 - lens[1]) / lens[2], depth_m[row, column]
+            dx, dy = r[0, 0] * u + r[0, 1] * v + r[0, 2], r[1, 0] * u + r[1, 1] * v + r[1, 2]
+            dz = r[2, 0] * u + r[2, 1] * v + r[2, 2]
+            x, y = eye_w[0] + depth * dx, eye_w[1] + depth * dy
+            tx, ty = int(np.floor(x * _TEXELS_PER_M)), int(np.floor(y * _TEXELS_PER_M))
+            pebble = owner[ty % GROUND_SIZE_PX, tx % GROUND_SIZE_PX]
+            if pebble < 0 or _strength(x, y, strength) < LEAST_STRENGTH:
+                continue
+            cosine = max(abs(dz) / np.sqrt(dx * dx + dy * dy + dz * dz), _STEEPEST)
+            if area_m2[pebble] >= LEAST_PX * (depth / lens[2]) ** 2 / cosine:
+                pixels[found] = row * columns + column
+                tile = (tx // GROUND_SIZE_PX + _TILES) * 2 * _TILES + ty // GROUND_SIZE_PX + _TILES
+                keys[found] = tile * len(area_m2) + pebble
+                found += 1
+    return pixels[:found], keys[:found]
+
+
+@njit(cache=True, nogil=True)
+def _strength(x: float, y: float, strength: SingleArray) -> float:
+    """How much of the fine texture shows at a place; the drift texture lies turned, as in the shading."""
+    per_m = DRIFT_SIZE_PX / DRIFT_TILE_M
+    column = int(np.floor((0.8 * x - 0.6 * y) * per_m)) % DRIFT_SIZE_PX
+    row = int(np.floor((0.6 * x + 0.8 * y) * per_m)) % DRIFT_SIZE_PX
+    return float(strength[row * DRIFT_SIZE_PX + column])

@@ -36,6 +36,7 @@ class Rasteriser:
         self._light = make_light(world.scenario.sun)
         self._store = StoneStore(world.shapes)
         cylinders = frozenset(cylinder.id for cylinder in world.cylinders)
+        self._first_pebble = int(max(self._store.owner, default=0)) + 1  # pebbles are numbered after all rocks
         self._look = draw_looks(self._store.owner, self._store.radius_m, cylinders, rng)
         self._apron = make_apron(world.ground)
         self._set_ground(world.ground)
@@ -96,8 +97,7 @@ class Rasteriser:
 
     def clasts(self, camera: CameraModel, camera_pose: Pose, picture: RenderedImage) -> IntArray:
         """The ids of a picture from there with the pebbles of the ground texture, each numbered after all rocks."""
-        first = int(max(self._store.owner, default=0)) + 1
-        return clast_ids(picture, camera, camera_pose, self._pebbles, self._drift, first)
+        return clast_ids(picture, camera, camera_pose, self._pebbles, self._drift, self._first_pebble)
 
     def _draw(self, view: View, keys: raster.KeyArray, tags: IntArray) -> None:
         """Fill the key and tag buffers."""
