@@ -7,8 +7,9 @@ ray (upper half of a tilted ellipsoid, and the near half of its base). Breadth t
 
 Height comes from the upper outline: the ray that grazes the top from a camera at height H satisfies
 b^2 = q^2 - 2 q a s, with a the half depth, b the height, s the tangent of the ray's depression and q its height over
-the near edge (from the tangent condition q - a s = sqrt(b^2 + a^2 s^2)). Base line and top are known to a pixel only,
-so the answer is the geometric mean of that and of the usual proportion, unless a thing is too tall for any rock.
+the near edge (from the tangent condition q - a s = sqrt(b^2 + a^2 s^2)). Base line and top are known to a pixel only
+and a by the silhouette alone, so e is the mean of that and of the usual proportion by their variances, and D follows
+from it in a few rounds, unless a thing is too tall for any rock.
 """
 
 from __future__ import annotations
@@ -24,8 +25,11 @@ from perception.rock_geometry import RockOutlines
 from worlds.geometry import rotation_from_quaternion
 from worlds.types import BoolArray, CameraModel, FloatArray, GroundPlane, PerceivedRock, Pose, Vector3
 
-_HEIGHT_OVER_DIAMETER = 0.38  # of the usual rock; they are 0.25 to 0.5 of their diameter high
-_HEIGHT_LIMITS = (0.2, 0.6)
+HEIGHT_SHARE, HEIGHT_SHARE_SD = 0.38, 0.07  # of the diameter, and one sigma: rocks are 0.25 to 0.5 of it high
+_SHARE_LIMITS = (0.15, 0.65)  # that a measured one can stand for
+_ROWS_SD_PX = 1.2  # between base line and top
+_DEPTH_SD = 0.4  # of half the depth, as a share of it
+_ROUNDS = 3
 _DEPTH_OVER_BREADTH = (0.4, 2.0)
 
 
@@ -67,12 +71,13 @@ def place_rocks(
     # Off the axis a pixel is a smaller part of the view, by the cube of the cosine.
     aslant = np.linalg.norm(rays_c(view.camera, np.column_stack([middle, base])), axis=-1)
     spread = np.sqrt(shape.area_px * scale[0] * scale[1] / aslant**3) / view.camera.focal_px
-    diameter = base_diameter(view.height_m, near_range, spread)
-    breadth, depth = breadth_and_depth(_breadth(view, near_w, ahead, ends[1] - ends[0]), diameter)
-    half_depth, size = depth / 2.0, np.sqrt(breadth * depth)
     top = rays_w(view.camera, view.pose, np.column_stack([middle, shape.top_px * scale[1]]))
-    grazing = grazed_height(view.height_m, near_range, half_depth, _fall(top, view.plane))
-    height = likely_height(grazing, size, diameter)
+    row_m = _ROWS_SD_PX * scale[1] / view.camera.focal_px * np.hypot(near_range, view.height_m)
+    across = _breadth(view, near_w, ahead, ends[1] - ends[0])
+    breadth, depth, height, height_sd = extents(
+        view.height_m, near_range, spread, across, _fall(top, view.plane), row_m
+    )
+    half_depth, size = depth / 2.0, np.sqrt(breadth * depth)
     centre_w = near_w + half_depth[:, None] * ahead
     reach = near_range + half_depth
     angle_sd = float(np.hypot(know.pixel_sd / view.camera.focal_px, np.deg2rad(know.attitude_sd_deg)))
@@ -96,19 +101,55 @@ def place_rocks(
                 range_m=float(reach[i]),
                 position_sd_m=float(sigma[i]),
                 cut=bool(cut[i]),
+                height_sd_m=float(height_sd[i]),
             )
         )
     return placed
 
 
-def base_diameter(camera_height_m: float, near_range_m: FloatArray, spread: FloatArray) -> FloatArray:
-    """Diameter (R,) in metres of the circle of equal base; ``spread`` is the root of its silhouette's solid angle."""
-    distance = np.hypot(near_range_m, camera_height_m)
-    sine = camera_height_m / distance
-    upper = np.hypot(2.0 * _HEIGHT_OVER_DIAMETER * near_range_m / distance, sine)
-    ratio = spread / np.sqrt(np.pi / 8.0 * (upper + sine))
-    # diameter = ratio * (distance + half a diameter along the ray), solved for the diameter.
-    return np.asarray(ratio * distance / np.maximum(1.0 - 0.5 * ratio * near_range_m / distance, 0.2))
+def extents(
+    camera_height_m: float,
+    near_range_m: FloatArray,
+    spread: FloatArray,
+    across_m: FloatArray,
+    top_fall: FloatArray,
+    row_m: FloatArray,
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
+    """Breadth, depth and height (R,) in metres, and one sigma of the height.
+
+    ``spread`` and ``top_fall`` as in `base_diameter` and `grazed_height`; ``across_m`` is the breadth by the columns,
+    ``row_m`` one sigma of what the outline's rows span at the rock.
+    """
+    share = np.full(len(spread), HEIGHT_SHARE)
+    for _ in range(_ROUNDS):
+        diameter = base_diameter(camera_height_m, near_range_m, spread, share)
+        breadth, depth = breadth_and_depth(across_m, diameter)
+        size = np.sqrt(breadth * depth)
+        grazing = grazed_height(camera_height_m, near_range_m, depth / 2.0, top_fall)
+        measured = np.clip(grazing / size, *_SHARE_LIMITS)
+        share_sd = grazed_sd(camera_height_m, near_range_m, depth / 2.0, top_fall, measured * size, row_m) / size
+        trust = HEIGHT_SHARE_SD**2 / (HEIGHT_SHARE_SD**2 + share_sd**2)
+        share = HEIGHT_SHARE + trust * (measured - HEIGHT_SHARE)
+    # Where the silhouette asks for a larger base than its breadth allows it is a post, and what was measured counts.
+    height = np.where(diameter > 1.01 * size, np.maximum(grazing, share * size), share * size)
+    return breadth, depth, height, np.sqrt(trust) * share_sd * size
+
+
+def base_diameter(
+    camera_height_m: float, near_range_m: FloatArray, spread: FloatArray, height_share: FloatArray
+) -> FloatArray:
+    """Diameter (R,) in metres of the circle of equal base of rocks as high as ``height_share`` of it.
+
+    ``spread`` is the root of their silhouette's solid angle.
+    """
+    diameter = np.zeros(len(spread))
+    for _ in range(_ROUNDS):
+        reach = near_range_m + diameter / 2.0
+        distance = np.hypot(reach, camera_height_m)
+        sine = camera_height_m / distance
+        upper = np.hypot(2.0 * height_share * reach / distance, sine)
+        diameter = spread * distance / np.sqrt(np.pi / 8.0 * (upper + sine))
+    return diameter
 
 
 def breadth_and_depth(breadth_m: FloatArray, diameter_m: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -129,14 +170,18 @@ def grazed_height(
     return np.sqrt(np.maximum(q * q - 2.0 * q * half_depth_m * top_fall, 0.0))
 
 
-def likely_height(grazing_m: FloatArray, size_m: FloatArray, diameter_m: FloatArray) -> FloatArray:
-    """Height (R,) in metres between the measured one and the usual proportion to the ``size_m`` of the base.
-
-    Where the silhouette asks for a larger base (``diameter_m``) than its breadth allows, what was measured counts.
-    """
-    low, high = (share * size_m for share in _HEIGHT_LIMITS)
-    usual = np.sqrt(np.clip(grazing_m, low, high) * _HEIGHT_OVER_DIAMETER * size_m)
-    return np.where(diameter_m > 1.01 * size_m, np.maximum(grazing_m, usual), usual)
+def grazed_sd(
+    camera_height_m: float,
+    near_range_m: FloatArray,
+    half_depth_m: FloatArray,
+    top_fall: FloatArray,
+    height_m: FloatArray,
+    row_m: FloatArray,
+) -> FloatArray:
+    """One sigma (R,) in metres of `grazed_height` near ``height_m``: its derivatives by q and a times their errors."""
+    q = np.maximum(camera_height_m - near_range_m * top_fall, 0.0)
+    by_row = np.abs(q - half_depth_m * top_fall) * np.sqrt(1.0 + top_fall**2) * row_m
+    return np.asarray(np.hypot(by_row, q * top_fall * half_depth_m * _DEPTH_SD) / height_m)
 
 
 def _breadth(view: View, near_w: FloatArray, ahead: FloatArray, spread: FloatArray) -> FloatArray:

@@ -4,7 +4,7 @@ A shadow is followed from the rock away from the sun along parallel lines on the
 is dark; the farthest line tells how far the tip of the shadow lies from the middle of the base. With the half depth a
 of the base in that direction the half ellipsoid of height b throws its shadow out to T, T^2 = a^2 + (b cot e)^2 at the
 sun's elevation e; rocks are more pointed, so a counts with a share. Where the top of a real rock stands over its base
-nobody knows, and the tip is thinner than a pixel at last: both make the error of T, and low suns tell heights best.
+nobody knows, which makes most of the error of T, and low suns tell heights best.
 """
 
 from __future__ import annotations
@@ -18,13 +18,12 @@ from perception.camera import project
 from perception.rock_placement import View
 from worlds.types import ByteArray, FloatArray, IntArray, PerceivedRock
 
-HEIGHT_SD = 0.16  # one sigma of a height from the silhouette, as a share of it
 _LEAST_PX = 30  # area of a blob whose shadow is looked for
 _LOWEST_SUN = np.sin(np.deg2rad(4.0))  # sine over the plane: shadows of a lower one end nowhere
 _ACROSS = np.linspace(-0.9, 0.9, 11)  # places of the lines over half the breadth that the sun sees
 _STEPS = 32  # of a line
 _HIGHEST, _BEYOND = 0.7, 1.1  # a line reaches beyond the shadow of a rock as high as that share of its size
-_BASE_SHARE, _TIP_PX = 0.7, 1.0  # of a that counts; what is missing of the tip
+_BASE_SHARE = 0.7  # of a that counts
 _APEX_SD, _EDGE_SD_PX = 0.4, 1.5  # error of T: share of a, and pixels
 _LEAST_LINES = 3  # that show a shadow
 _LEAST_SUN = 0.7  # on a face towards it, over the light of the sky: what a shadow lacks
@@ -54,8 +53,9 @@ def with_shadows(
     answer = list(placed)
     for i, rock, measured, off in zip(which, rocks, height.tolist(), sd.tolist(), strict=True):
         if np.isfinite(off):
-            trust = 1.0 / (1.0 + (off / (HEIGHT_SD * rock.height_m)) ** 2)
-            answer[i] = replace(rock, height_m=rock.height_m + trust * (measured - rock.height_m))
+            trust = rock.height_sd_m**2 / (rock.height_sd_m**2 + off**2)
+            height = rock.height_m + trust * (measured - rock.height_m)
+            answer[i] = replace(rock, height_m=height, height_sd_m=float(np.sqrt(trust)) * off)
     return answer
 
 
@@ -89,7 +89,7 @@ def shadow_heights(
     seen = (lines >= _LEAST_LINES) & (contrast >= _LEAST_SUN * sine / (1.0 + _LEAST_SUN * sine))
     middle = len(_ACROSS) // 2
     pixel_m = reach / np.linalg.norm((pixels[:, middle, 1] - pixels[:, middle, 0]) / np.array(scale), axis=-1)
-    tip = share * reach + _TIP_PX * pixel_m
+    tip = np.maximum(share * reach, 1e-6)
     lift = np.sqrt(np.maximum(tip**2 - (_BASE_SHARE * deep) ** 2, (0.1 * tip) ** 2))
     sd = np.hypot(_APEX_SD * deep, _EDGE_SD_PX * pixel_m) * tip / lift / cot
     return lift / cot, np.where(seen, sd, np.inf)

@@ -99,6 +99,7 @@ def _scaled(rock: PerceivedRock, scale: float, eye_w: FloatArray, sd_m: float) -
         length_m=rock.length_m * scale,
         width_m=rock.width_m * scale,
         height_m=rock.height_m * scale,
+        height_sd_m=rock.height_sd_m * scale,
         range_m=rock.range_m * scale,
         position_sd_m=sd_m,
     )

@@ -6,15 +6,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from perception.camera import project
+from perception.camera import project, rays_c
+from perception.ground import ground_points, ground_range
 from perception.knowledge_base import GroundKnowledge
 from perception.rock_geometry import RockOutlines
 from perception.rock_placement import (
     View,
     base_diameter,
     breadth_and_depth,
+    extents,
     grazed_height,
-    likely_height,
+    grazed_sd,
     place_rocks,
 )
 from worlds.geometry import camera_pose, quaternion_from_euler
@@ -51,7 +53,7 @@ def place(seen: View, shape: RockOutlines, know: GroundKnowledge | None = None) 
     return place_rocks(seen, shape, np.array([0.9]), np.array([False]), (1.0, 1.0), know or GroundKnowledge())[0]
 
 
-@given(st.floats(1.5, 6.0), st.floats(-0.35, 0.35), st.floats(0.1, 0.35), st.floats(0.6, 0.9), st.floats(-3.0, 3.0))
+@given(st.floats(1.5, 6.0), st.floats(-0.35, 0.35), st.floats(0.1, 0.35), st.floats(0.6, 1.0), st.floats(-3.0, 3.0))
 def test_a_dome_is_found_where_it_stands(away: float, bearing: float, radius: float, flat: float, yaw: float) -> None:
     seen = view(yaw)
     x, y = away * np.cos(yaw + bearing), away * np.sin(yaw + bearing)
@@ -74,12 +76,29 @@ def test_the_tangent_formula_worked_by_hand() -> None:
 
 
 def test_the_silhouette_of_a_dome_worked_by_hand() -> None:
-    # From right above (range 0) a dome of diameter 1 covers its base: root of the area sqrt(pi / 4), at 10 m a tenth.
+    # From right above, the near edge half a metre behind, a dome of diameter 1 covers its base: at 10 m a tenth of the
+    # root of pi / 4.
     spread = np.sqrt(np.pi / 4) / 10.0
-    assert base_diameter(10.0, np.array([0.0]), np.array([spread]))[0] == pytest.approx(1.0)
+    assert base_diameter(10.0, np.array([-0.5]), np.array([spread]), np.array([0.38]))[0] == pytest.approx(
+        1.0, abs=1e-3
+    )
     # From the side of level ground it is half an ellipse of 1 by 0.38 m; its middle is 10.5 m away.
-    spread = np.sqrt(np.pi / 4 * 0.38) / 10.5
-    assert base_diameter(1e-9, np.array([10.0]), np.array([spread]))[0] == pytest.approx(1.0)
+    for share in (0.38, 0.5):
+        spread = np.sqrt(np.pi / 4 * share) / 10.5
+        diameter = base_diameter(1e-9, np.array([10.0]), np.array([spread]), np.array([share]))
+        assert diameter[0] == pytest.approx(1.0, abs=1e-3)
+
+
+@given(st.floats(1.5, 6.0), st.floats(0.05, 0.35), st.floats(0.25, 0.5))
+def test_a_known_form_has_its_diameter_without_bias(away: float, radius: float, share: float) -> None:
+    seen = view()
+    shape = dome_outline(seen, away, 0.0, radius, 2.0 * share * radius)
+    centre = float(shape.left_px[0] + shape.right_px[0]) / 2.0
+    near = ground_points(seen.camera, seen.pose, seen.plane, np.array([[centre, shape.base_px[0]]]))
+    aslant = np.linalg.norm(rays_c(seen.camera, np.array([centre, float(shape.base_px[0])])))
+    spread = np.sqrt(shape.area_px / aslant**3) / seen.camera.focal_px
+    diameter = base_diameter(seen.height_m, ground_range(seen.pose, seen.plane, near), spread, np.array([share]))
+    assert diameter[0] == pytest.approx(2.0 * radius, rel=0.04)
 
 
 def test_breadth_and_depth_share_the_area_of_the_base() -> None:
@@ -88,13 +107,32 @@ def test_breadth_and_depth_share_the_area_of_the_base() -> None:
     assert depth == pytest.approx([0.4, 0.64, 0.2])  # the post is taken as twice as deep as broad at most
 
 
+def test_the_error_of_a_grazed_height_is_that_of_its_rows_and_its_depth() -> None:
+    one = np.ones(1)
+    away, depth, fall = 2.0 * one, 0.2 * one, 0.4 * one
+    height = grazed_height(1.1, away, depth, fall)
+    by_row = (grazed_height(1.1, away - 0.0005, depth, fall) - grazed_height(1.1, away + 0.0005, depth, fall)) / 0.0004
+    by_depth = (grazed_height(1.1, away, depth - 0.001, fall) - grazed_height(1.1, away, depth + 0.001, fall)) / 0.002
+    rows_only = grazed_sd(1.1, away, depth, fall, height, 0.01 * one)
+    both = np.hypot(by_row * np.sqrt(1.0 + 0.4**2) * 0.01, by_depth * 0.4 * 0.2)
+    assert rows_only == pytest.approx(both, rel=1e-3)
+
+
+def seen_from_above_a_post(height: float, row_m: float) -> tuple[float, float]:
+    """Height, and its sigma, of something 0.4 m broad whose top is seen over ``height`` at 3 m."""
+    one = np.ones(1)
+    fall = (1.1 - height) / 3.2 * one
+    spread = np.sqrt(np.pi / 8 * 0.4**2 * (np.hypot(2 * height / 0.4 * 0.94, 0.34) + 0.34)) / 3.4
+    _, _, found, sd = extents(1.1, 3.0 * one, spread * one, 0.4 * one, fall, row_m * one)
+    return float(found[0]), float(sd[0])
+
+
 def test_a_height_lies_between_what_was_measured_and_what_is_usual_but_a_post_stays_a_post() -> None:
-    one = np.ones(3)
-    heights = likely_height(np.array([0.38, 0.55, 0.0]), one, one)
-    assert heights[0] == pytest.approx(0.38)
-    assert 0.38 < heights[1] < 0.55
-    assert heights[2] == pytest.approx(np.sqrt(0.2 * 0.38))
-    assert likely_height(np.array([1.0]), np.array([0.2]), np.array([0.5]))[0] == pytest.approx(1.0)
+    sharp, blurred = seen_from_above_a_post(0.2, 0.001), seen_from_above_a_post(0.2, 1.0)
+    assert sharp[1] < blurred[1] < 0.07 * 0.45
+    assert abs(blurred[0] / 0.4 - 0.38) < 0.05
+    assert sharp[0] > blurred[0]
+    assert seen_from_above_a_post(0.9, 0.01)[0] > 0.75
 
 
 def test_far_and_tiny_rocks_are_left_out() -> None:

@@ -27,7 +27,7 @@ def shaded(azimuth: float, elevation: float) -> tuple[ByteArray, IntArray, View,
     pose = look(CAMERA, 0.0, 0.0, 1.1)
     picture = make_renderer(world(rocks=DOMES, sun=(azimuth, elevation))).render(CAMERA, pose)
     rocks = [
-        PerceivedRock((x, y, 0.0), 2 * r, 2 * r, 0.76 * r, 0.0, 0.9, 0, float(np.hypot(x, y)), 0.1)
+        PerceivedRock((x, y, 0.0), 2 * r, 2 * r, 0.76 * r, 0.0, 0.9, 0, float(np.hypot(x, y)), 0.1, False, 0.1 * r)
         for x, y, r, _ in DOMES
     ]
     grey = np.asarray(cv2.cvtColor(picture.image, cv2.COLOR_RGB2GRAY), np.uint8)
@@ -65,7 +65,7 @@ def test_heights_are_averaged_by_variance_and_only_with_a_sun() -> None:
     assert with_shadows(placed, area, labels, grey, blind, SCALE) == placed
     first, gone, _ = with_shadows(placed, area, labels, grey, view, SCALE)
     measured, sd = shadow_heights([rocks[0]], np.array([1], np.int32), labels, grey, view, SCALE)
-    weights = np.array([1.0 / sd[0] ** 2, 1.0 / (0.16 * rocks[0].height_m) ** 2])
+    weights = np.array([1.0 / sd[0] ** 2, 1.0 / rocks[0].height_sd_m ** 2])
     assert gone is None
     assert first is not None
     assert first.height_m == pytest.approx(weights @ [measured[0], rocks[0].height_m] / weights.sum())

@@ -292,6 +292,7 @@ class PerceivedRock:
     range_m: float  # ground distance from the camera
     position_sd_m: float  # one sigma of the position along the line of sight
     cut: bool = False  # it runs out of the picture: sizes are lower bounds
+    height_sd_m: float = 0.0  # one sigma of the height; 0: not known
 
 
 @dataclass(frozen=True, eq=False)
