@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 import pytest
 
@@ -41,6 +42,23 @@ def test_the_shadow_is_as_long_as_the_sun_is_low(elevation_deg: float) -> None:
     # From the middle of the post its shadow reaches 1 m / tan(elevation), plus the radius of the round end.
     reach = 1.0 / np.tan(np.radians(elevation_deg)) + 0.2
     assert brightness_at(image, camera, -(reach - 0.1), 0.0) < 0.75 * brightness_at(image, camera, -(reach + 0.1), 0.0)
+
+
+def test_something_low_under_a_low_sun_has_its_whole_shadow() -> None:
+    camera, low = lens(240, 240, pitch_deg=90.0), (0.0, 0.0, 0.2, 0.1)
+    scene = world(field(16.0, 0.5), cylinders=[low], sun=(0.0, 15.0))
+    image = make_renderer(scene).render(camera, look(camera, 0.0, 0.0, 4.0)).image
+    reach = 0.1 / np.tan(np.radians(15.0)) + 0.2
+    assert brightness_at(image, camera, -(reach - 0.07), 0.0) < 0.85 * brightness_at(image, camera, -(reach + 0.1), 0.0)
+
+
+@pytest.mark.parametrize("azimuth_deg", [0.0, 30.0, 90.0])
+def test_rolling_ground_has_no_dark_specks(azimuth_deg: float) -> None:
+    camera = lens(240, 240, pitch_deg=90.0)
+    ground = field(16.0, 0.1, lambda x, y: 0.03 * np.sin(4.0 * x) + 0.02 * np.sin(3.0 * y))  # slopes up to 8 degrees
+    view = make_renderer(world(ground, sun=(azimuth_deg, 12.0))).render(camera, look(camera, 0.0, 0.0, 4.0))
+    red = view.image[..., 0]
+    assert (red / cv2.medianBlur(red, 9).astype(float)).min() > 0.7
 
 
 def test_no_shadow_where_there_is_nothing_to_cast_it() -> None:

@@ -17,6 +17,7 @@ Slopes = NDArray[np.float32]
 CHURNED_DARKER = 0.08  # share of its brightness that soil loses where a wheel was
 CHURNED_BUMPS = 0.3  # how much rougher it is
 CHURNED_BURIES = 0.8  # share of the pebbles that are pressed in
+LEVEL_LIFT, STEEP_LIFT = 0.1, 4.0  # share of the lift over level ground, and more of it by its slope
 Grid = tuple[float, float, float, float, float]  # x and y of the first sample, samples a metre, slopes beyond
 Shear = tuple[float, float, float, float, float, float]  # u = 0 x + 1 z + 2, v = 0 y + 3 z + 4, key = z + 5
 
@@ -148,7 +149,9 @@ def _ground(
         brightness * (light.sand[1] + pebble * (light.pebble[1] - light.sand[1])),
         brightness * (light.sand[2] + pebble * (light.pebble[2] - light.sand[2])),
     )
-    r, g, b = _illuminate(light, top_key, shear, point, smooth, bumped, colour, bias_m, seen[4])
+    # Level ground throws no shadow on itself: lifted less, it keeps the shadows of low rocks at their length.
+    lift_m = bias_m * min(1.0, LEVEL_LIFT + STEEP_LIFT * np.sqrt(gx * gx + gy * gy))
+    r, g, b = _illuminate(light, top_key, shear, point, smooth, bumped, colour, lift_m, seen[4])
     return r, g, b, way
 
 
