@@ -63,3 +63,24 @@ def swallowed(centre: FloatArray, length: FloatArray, width: FloatArray, height:
                 lost[n] = 1
                 break
     return lost
+
+
+@nb.njit(cache=True)
+def touching(centre: FloatArray, radius: FloatArray, slack: float, least_m: float) -> IntArray:
+    """Pairs (K, 2) of N discs nearer than ``slack`` times the sum of their radii, and together ``least_m`` wide."""
+    count = centre.shape[0]
+    pairs = np.empty((16, 2), dtype=np.int32)
+    found = 0
+    for n in range(count):
+        for m in range(n):
+            reach = radius[n] + radius[m]
+            x = abs(centre[n, 0] - centre[m, 0])
+            if x > slack * reach:
+                continue
+            apart = hypot(x, centre[n, 1] - centre[m, 1])
+            if apart < slack * reach and apart + reach > least_m:
+                if found == pairs.shape[0]:
+                    pairs = np.concatenate((pairs, np.empty_like(pairs)))
+                pairs[found, 0], pairs[found, 1] = n, m
+                found += 1
+    return pairs[:found]

@@ -100,13 +100,6 @@ def turn_to(heading_rad: float, pose: PoseEstimate, footprint: Footprint, limits
     return Command(0.0, _turn_rate(error, footprint, limits)), False
 
 
-def backing_path(pose: PoseEstimate, distance_m: float) -> FloatArray:
-    """Straight path (2, 2) to the rear, to be followed with ``reverse=True``."""
-    yaw = euler_from_quaternion(pose.pose.quaternion_w)[2]
-    start = pose.pose.position_w[:2]
-    return np.array([start, start - distance_m * np.array([np.cos(yaw), np.sin(yaw)])])
-
-
 def ramp(previous: Command, wanted: Command, limits: Limits, step_s: float) -> Command:
     """``wanted``, as far as the accelerations allow it ``step_s`` after ``previous``."""
     linear = limits.acceleration_m_s2 * step_s

@@ -11,11 +11,12 @@ from planner.choice import Choice, Models, Place, choose, way_cost
 from planner.corridor import Corridor, SpeedModel, choose_way, corridor, turn_onto
 from planner.ground_cells import driven_view
 from planner.laser_map import LaserMap
-from planner.obstacle_map import obstacles, segment_clearance
+from planner.obstacle_map import NO_OBSTACLES, Area, fence, obstacles, segment_clearance
 from planner.recovery import Ladder, Manoeuvre, finished, next_manoeuvre
 from planner.room import turn_range
 from planner.row_search import Candidate
 from planner.terrain_map import MemoryModel, TerrainMemory, empty_memory, remember, remember_scan
+from planner.track import NO_TRACK, note
 from worlds.geometry import euler_from_quaternion, rotation_from_quaternion
 from worlds.types import FloatArray, Footprint, Observation, PoseEstimate, RangeScan
 
@@ -23,6 +24,7 @@ LEAST_WAY_M = 0.3  # a shorter way ends where the rover stands, as path followin
 TURN_ON_SPOT_RAD = float(np.deg2rad(55.0))  # path following does such turns on the spot
 AROUND_M = 3.5  # of what the scanner saw, for manoeuvres
 STANDING_M = 0.4  # of ground around the rover that is known for it stands there
+MOST_AVOIDED = 3  # places of trouble
 START_CLEAR_M = 1.0  # the rover is set down on ground where it has room to turn
 Kind = Literal["drive", "look", "back_up", "arrived", "no_path"]
 
@@ -49,13 +51,12 @@ class Decision:
 
     kind: Kind
     reason: str
-    waypoints_w: FloatArray = field(default_factory=lambda: np.zeros((0, 2)))  # (N, 2) begins about the rover
+    waypoints_w: FloatArray = field(default_factory=lambda: np.zeros((0, 2)))  # (N, 2) from the rover on
     changed: bool = False  # the waypoints are not those of the decision before
     traversability: float = 0.0
     candidates: tuple[Candidate, ...] = ()
     scores: tuple[float, ...] = ()  # traversability of each candidate
     heading_rad: float = 0.0  # look: turn to it
-    distance_m: float = 0.0  # back_up: so far
     speed_m_s: float | None = None  # drive: at most so fast now; None: as the risk allows
 
     @property
@@ -74,6 +75,8 @@ class NavigatorState:
     goal_radius_m: float
     memory: TerrainMemory
     avoid_w: FloatArray = field(default_factory=lambda: np.zeros((0, 3)))  # (M, 3) x, y, radius of trouble met
+    track_w: FloatArray = field(default_factory=lambda: NO_TRACK)  # (N, 3) poses driven, see `planner.track`
+    fence: FloatArray = field(default_factory=lambda: NO_OBSTACLES)  # (K, 7) round the ground that may be driven on
     way: Decision | None = None  # the way being driven
     detour: bool = False
     manoeuvre: Manoeuvre | None = None
@@ -95,8 +98,9 @@ def begin(
     *,
     models: Models | None = None,
     model: NavigatorModel | None = None,
+    area: Area | None = None,
 ) -> NavigatorState:
-    """State of a navigator that has seen nothing."""
+    """State of a navigator that has seen nothing; ``area`` is where the mission allows it to drive, None anywhere."""
     start = np.asarray(start_w, dtype=float)
     memory = empty_memory(start)
     memory = remember(memory, None, start, standing=driven_view(np.array([*start, 0.0]), START_CLEAR_M, 0.0))
@@ -106,6 +110,7 @@ def begin(
         (float(goal_w[0]), float(goal_w[1])),
         goal_radius_m,
         memory,
+        fence=NO_OBSTACLES if area is None else fence(area),
         first_m=float(np.hypot(goal_w[0] - start_w[0], goal_w[1] - start_w[1])),
     )
 
@@ -190,10 +195,16 @@ def _as_quick(state: NavigatorState, found: Corridor, rest: FloatArray, fresh: C
 
 
 def note_trouble(state: NavigatorState, estimate: PoseEstimate, radius_m: float = 0.35) -> NavigatorState:
-    """The state after the rover met what it had not seen (stuck, slipping): the place ahead is avoided from now on."""
-    forward = rotation_from_quaternion(estimate.pose.quaternion_w)[:2, 0]
-    ahead = estimate.pose.position_w[:2] + (state.models.footprint.length_m / 2 + radius_m) * forward
-    avoid = np.vstack([state.avoid_w, [*ahead, radius_m]])
+    """The state after the rover met what it had not seen (stuck, slipping): it backs out.
+
+    If it was driving, the place ahead is avoided from now on; only the last few such places are, as each may have been
+    soft ground or a bend, and together they would wall the rover in.
+    """
+    avoid = state.avoid_w
+    if state.manoeuvre is None:
+        forward = rotation_from_quaternion(estimate.pose.quaternion_w)[:2, 0]
+        ahead = estimate.pose.position_w[:2] + (state.models.footprint.length_m / 2 + radius_m) * forward
+        avoid = np.vstack([avoid, [*ahead, radius_m]])[-MOST_AVOIDED:]
     return replace(state, avoid_w=avoid, way=None, ladder=replace(state.ladder, back_first=True), manoeuvre=None)
 
 
@@ -212,9 +223,11 @@ def _take_in(
     distance = float(np.hypot(*(place - state.goal_w)))
     tilt = float(np.arccos(np.clip(rotation_from_quaternion(estimate.pose.quaternion_w)[2, 2], -1.0, 1.0)))
     better = distance < state.best_m - 0.25
+    yaw = euler_from_quaternion(estimate.pose.quaternion_w)[2]
     return replace(
         state,
         memory=memory,
+        track_w=note(state.track_w, (float(place[0]), float(place[1]), yaw)),
         travelled_m=travelled,
         place_w=(float(place[0]), float(place[1])),
         slope_rad=state.slope_rad + (1.0 - np.exp(-moved / 1.0)) * (tilt - state.slope_rad),
@@ -233,12 +246,12 @@ def _place(state: NavigatorState, estimate: PoseEstimate) -> Place:
 
 
 def _table(state: NavigatorState) -> FloatArray:
-    """Obstacles (N, 7) in the world: remembered rocks and places of trouble."""
+    """Obstacles (N, 7) in the world: remembered rocks, places of trouble and the limits of the area."""
     models = state.models
     table = obstacles(state.memory.rocks, models.drive, models.footprint.climb_height_m)
     xy, radius = state.avoid_w[:, :2], state.avoid_w[:, 2:]
     trouble = np.hstack([xy, xy, radius, np.ones_like(radius), np.ones_like(radius)])
-    return np.vstack([table, trouble])
+    return np.vstack([table, trouble, state.fence])
 
 
 def _drive(state: NavigatorState, choice: Choice, table: FloatArray, place: Place) -> tuple[NavigatorState, Decision]:
@@ -301,7 +314,9 @@ def _recover(
     state: NavigatorState, choice: Choice | None, table: FloatArray, place: Place, time_s: float
 ) -> tuple[NavigatorState, Decision]:
     """The next rung of the ladder: look to a side, back out, and at its end give up."""
-    manoeuvre, ladder = next_manoeuvre(state.ladder, state.memory, table, place, state.models.footprint, time_s)
+    manoeuvre, ladder = next_manoeuvre(
+        state.ladder, state.memory, table, state.track_w, place, state.models.footprint, time_s
+    )
     state = replace(state, way=None, ladder=ladder, detour=True, manoeuvre=manoeuvre)
     if manoeuvre is None and choice is not None and not choice.enclosed and not ladder.bold:
         state = replace(state, ladder=replace(ladder, rung=0, bold=True))
@@ -315,9 +330,7 @@ def _recover(
 
 
 def _as_decision(manoeuvre: Manoeuvre) -> Decision:
-    return Decision(
-        manoeuvre.kind, manoeuvre.reason, heading_rad=manoeuvre.heading_rad, distance_m=manoeuvre.distance_m
-    )
+    return Decision(manoeuvre.kind, manoeuvre.reason, manoeuvre.way_w, heading_rad=manoeuvre.heading_rad)
 
 
 def _ended(state: NavigatorState, decision: Decision) -> tuple[NavigatorState, Decision]:

@@ -7,15 +7,20 @@ convolution is carried out sparsely: each obstacle adds its weight times the ker
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
 from planner.map_kernels import Layer, bring_in, least_clearance, rasterise
+from planner.memory_kernels import touching
 from planner.terrain_map import RockMemory
 from worlds.types import FloatArray, Footprint
 
 MAX_CLEARANCE_M = 1.2  # farther rocks do not matter to a cell
 NO_OBSTACLES = np.zeros((0, 7))
+FENCE_PIECE_M = 1.0
+HEIGHT_OVER_WIDTH = 0.4  # of a rock whose height nobody saw
+Area = tuple[tuple[float, float], tuple[float, float]]  # limits of x and of y in the world, metres
 
 
 @dataclass(frozen=True)
@@ -27,6 +32,7 @@ class DriveModel:
     comfort_m: float = 0.35  # beyond the margin, nearness still costs
     height_sds: float = 0.5  # of a rock's height error added before it is held against the climb height
     sure_certainty: float = 0.35  # rocks less likely than this only cost
+    touching: float = 1.1  # two rocks nearer than the sum of their radii times this are pieces of one
     sd_share: float = 0.5  # of a rock's position error added to its berth
     most_sd_m: float = 0.20
     sure_sd_m: float = 0.30  # a rock whose place is less certain only costs: a nearer look will place it
@@ -88,8 +94,34 @@ def obstacles(rocks: RockMemory, model: DriveModel, climb_height_m: float) -> Fl
     low = 0.4 * np.minimum(height / climb_height_m, 1.0) ** 2
     high = np.clip(height / 0.25, 0.4, 1.0)
     weight = certainty * np.where(height > climb_height_m, high, low)
-    table: FloatArray = np.column_stack([rocks.centre_w - axis, rocks.centre_w + axis, radius, weight, hard])
-    return table
+    table = np.column_stack([rocks.centre_w - axis, rocks.centre_w + axis, radius, weight, hard])
+    sure = (certainty > model.sure_certainty) & (rocks.worst_sd_m < model.sure_sd_m)
+    return np.vstack([table, _joined(rocks.select(sure & ~hard), model, climb_height_m)])
+
+
+def _joined(low: RockMemory, model: DriveModel, climb_height_m: float) -> FloatArray:
+    """Hard obstacles (N, 7) of pairs of touching low rocks, where one rock of their joint width would be too high.
+
+    Rocks lie apart; what touches in the belief is mostly one rock that was seen in pieces.
+    """
+    radius = 0.25 * (low.length_m + low.width_m)
+    first, second = touching(low.centre_w, radius, model.touching, climb_height_m / HEIGHT_OVER_WIDTH).T
+    one = np.ones(len(first))
+    wide = np.maximum(radius[first], radius[second])
+    pairs: FloatArray = np.column_stack([low.centre_w[first], low.centre_w[second], wide, one, one])
+    return pairs
+
+
+def fence(area: Area) -> FloatArray:
+    """The limits of an area as hard obstacles (N, 7) without width, in short pieces."""
+    (west, east), (south, north) = area
+    corners = np.array([[west, south], [east, south], [east, north], [west, north], [west, south]])
+    sides = []
+    for start, end in pairwise(corners):
+        pieces = max(1, round(float(np.abs(end - start).sum()) / FENCE_PIECE_M))
+        posts = start + np.linspace(0.0, 1.0, pieces + 1)[:, None] * (end - start)
+        sides.append(np.hstack([posts[:-1], posts[1:], np.tile([0.0, 1.0, 1.0], (pieces, 1))]))
+    return np.vstack(sides)
 
 
 def in_frame(table: FloatArray, frame: Frame2) -> FloatArray:

@@ -1,16 +1,17 @@
-"""The recovery ladder: look to the sides, back out over known ground, look behind, and in the end give up."""
+"""The recovery ladder: look to the sides, back out the way that was driven in, look behind, and in the end give up."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
 
 from planner.choice import Place
 from planner.ground_cells import GroundCells
-from planner.room import backing_room, turn_range
+from planner.room import turn_range
 from planner.terrain_map import TerrainMemory
+from planner.track import way_back
 from worlds.geometry import wrap_angle
 from worlds.types import FloatArray, Footprint
 
@@ -26,14 +27,17 @@ RUNGS: tuple[tuple[Literal["look", "back_up"], float], ...] = (
     ("look", -120.0),
     ("back_up", 2.0),
     ("look", 180.0),
+    ("back_up", 5.0),
 )
-MOST_BACK_M = 2.0
+MOST_BACK_M = 5.0
 ROOM_TO_TURN_RAD = float(np.deg2rad(70.0))
 LEAST_LOOK_RAD = float(np.deg2rad(20.0))
 LEAST_BACK_M = 0.25
+FARTHER_M = 1.5  # beyond what was asked, to where there is room to turn
+LATEST_S, LATEST_S_M = 15.0, 8.0  # for a manoeuvre, and more for each metre
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Manoeuvre:
     """A look or a backing that is under way."""
 
@@ -42,7 +46,13 @@ class Manoeuvre:
     start_w: tuple[float, float]
     start_s: float
     heading_rad: float = 0.0  # look: where to
-    distance_m: float = 0.0  # back_up: how far
+    way_w: FloatArray = field(default_factory=lambda: np.zeros((0, 2)))  # back_up: (N, 2) from the rover on
+
+    @property
+    def distance_m(self) -> float:
+        """How far a backing leads."""
+        steps = np.diff(self.way_w, axis=0)
+        return float(np.hypot(steps[:, 0], steps[:, 1]).sum())
 
 
 @dataclass(frozen=True)
@@ -63,23 +73,33 @@ class Ladder:
 
 
 def next_manoeuvre(
-    ladder: Ladder, memory: TerrainMemory, table_w: FloatArray, place: Place, footprint: Footprint, time_s: float
+    ladder: Ladder,
+    memory: TerrainMemory,
+    table_w: FloatArray,
+    track: FloatArray,
+    place: Place,
+    footprint: Footprint,
+    time_s: float,
 ) -> tuple[Manoeuvre | None, Ladder]:
-    """The next rung that there is room for, None at the end of the ladder, and the ladder after it."""
+    """The next rung that there is room for, None at the end of the ladder, and the ladder after it.
+
+    ``track`` (N, 3): poses driven, see `planner.track`.
+    """
     if ladder.place_w is None:
         ladder = replace(ladder, place_w=place.position_w, heading_rad=place.heading_rad)
-    position = np.asarray(place.position_w)
-    room = backing_room(table_w, memory.cells, position, place.heading_rad, footprint, MOST_BACK_M)
     if ladder.back_first:
         ladder = replace(ladder, back_first=False)
-        if room >= LEAST_BACK_M:
-            return _back(0.8, room, "back out of trouble", table_w, memory.cells, place, footprint, time_s), ladder
+        backing = _back(0.8, "back out of trouble", memory.cells, table_w, track, place, footprint, time_s)
+        if backing is not None:
+            return backing, ladder
     while ladder.rung < len(RUNGS):
         kind, amount = RUNGS[ladder.rung]
         ladder = replace(ladder, rung=ladder.rung + 1)
-        if kind == "back_up" and room >= LEAST_BACK_M:
-            return _back(amount, room, "back out", table_w, memory.cells, place, footprint, time_s), ladder
-        if kind == "look":
+        if kind == "back_up":
+            backing = _back(amount, "back out", memory.cells, table_w, track, place, footprint, time_s)
+            if backing is not None:
+                return backing, ladder
+        else:
             turn = _possible_turn(ladder.heading_rad + np.deg2rad(amount), table_w, memory.cells, place, footprint)
             if abs(turn) >= LEAST_LOOK_RAD:
                 side = "left" if turn > 0 else "right"
@@ -90,37 +110,43 @@ def next_manoeuvre(
 
 def _back(
     least_m: float,
-    room_m: float,
     reason: str,
-    table_w: FloatArray,
     cells: GroundCells,
+    table_w: FloatArray,
+    track: FloatArray,
     place: Place,
     footprint: Footprint,
     time_s: float,
-) -> Manoeuvre:
-    """Back out by ``least_m``, or farther to where the body has room to turn to either side, as far as ``room_m``."""
-    position = np.asarray(place.position_w)
-    back = -np.array([np.cos(place.heading_rad), np.sin(place.heading_rad)])
-    distance = min(least_m, room_m)
-    while distance < room_m:
-        right, left = turn_range(
-            table_w, None if place.bold else cells, position + distance * back, place.heading_rad, footprint
-        )
+) -> Manoeuvre | None:
+    """Back out along the track by ``least_m``, or farther to where the body has room to turn to either side.
+
+    None where the track is too short.
+    """
+    poses = way_back(track, place.position_w, min(least_m + FARTHER_M, MOST_BACK_M))
+    arcs = np.cumsum(np.hypot(*np.diff(np.vstack([place.position_w, poses[:, :2]]), axis=0).T))
+    if not len(poses) or arcs[-1] < LEAST_BACK_M:
+        return None
+    last = min(int(np.searchsorted(arcs, least_m)), len(poses) - 1)
+    for end in range(last, len(poses), 2):
+        x, y, heading = poses[end]
+        right, left = turn_range(table_w, None if place.bold else cells, np.array([x, y]), heading, footprint)
         if min(-right, left) >= ROOM_TO_TURN_RAD:
+            last = end
             break
-        distance = min(distance + 0.2, room_m)
-    return Manoeuvre("back_up", reason, place.position_w, time_s, distance_m=distance)
+    way = np.vstack([place.position_w, poses[: last + 1 : 3, :2], poses[last, :2]])
+    return Manoeuvre("back_up", reason, place.position_w, time_s, way_w=way)
 
 
 def finished(manoeuvre: Manoeuvre, place: Place, time_s: float, *, seen: bool) -> bool:
     """Whether a manoeuvre is done: turned there and ``seen`` anew, backed so far, or tried too long."""
-    if time_s - manoeuvre.start_s > 15.0:
+    if time_s - manoeuvre.start_s > LATEST_S + LATEST_S_M * manoeuvre.distance_m:
         return True
     if manoeuvre.kind == "look":
         there = abs(wrap_angle(manoeuvre.heading_rad - place.heading_rad)) < np.deg2rad(12.0)
         return there and seen
-    moved = np.hypot(place.position_w[0] - manoeuvre.start_w[0], place.position_w[1] - manoeuvre.start_w[1])
-    return bool(moved > 0.6 * manoeuvre.distance_m)  # path following ends before the very end
+    end = manoeuvre.way_w[-1]
+    left = float(np.hypot(place.position_w[0] - end[0], place.position_w[1] - end[1]))
+    return left < min(0.3, 0.4 * manoeuvre.distance_m)  # path following ends before the very end
 
 
 def _possible_turn(

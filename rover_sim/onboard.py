@@ -10,7 +10,6 @@ import numpy as np
 from perception.pipeline import Knowledge, Perception, perceive
 from perception.tall import TallThings, ground_hue, tall_things
 from planner import navigator
-from planner.mobility import backing_path
 from planner.navigator import Decision, NavigatorState
 from planner.terrain_map import RockMemory
 from rover_sim.autopilot.modes import Mode, Severity
@@ -95,8 +94,10 @@ class OnboardComputer:
         tall = None if "laser" in self._eyes_s else self._tall(frame)
         perception = perceive(frame, self._knowledge, None if tall is None else tall.covered)
         self.counts = replace(self.counts, frames=self.counts.frames + 1)
-        # Once something tall has been met, every picture tells where nothing tall stands.
-        scan = tall.scan if tall is not None and (tall.columns.any() or self.plan.memory.laser is not None) else None
+        # Once something tall has been met near by, every picture tells where nothing tall stands. What merely crosses
+        # the horizon far away may be a rock on a rise.
+        met = tall is not None and np.isfinite(tall.scan.ranges_m).any()
+        scan = tall.scan if tall is not None and (met or self.plan.memory.laser is not None) else None
         decision = self._decide(estimate, time_s, perception.observation, scan)
         return Sight(frame, perception, decision)
 
@@ -160,9 +161,9 @@ class OnboardComputer:
         if decision.kind == "drive":
             self._send_way(decision, estimate, time_s)
         elif decision.kind == "back_up":
-            place = backing_path(estimate, decision.distance_m)[-1]
             here = float(estimate.pose.position_w[2])
-            self._drive(backing_items((*place, here), self._local, self._home_w), time_s)
+            places = [(float(x), float(y), here) for x, y in decision.waypoints_w[1:]]
+            self._drive(backing_items(places, self._local, self._home_w), time_s)
         elif decision.kind == "look":
             self._upload = None
             if not self._companion.status.armed:
@@ -235,4 +236,4 @@ def _is_new(before: Decision, decision: Decision) -> bool:
         return True
     if decision.kind == "drive":
         return decision.changed
-    return (before.heading_rad, before.distance_m) != (decision.heading_rad, decision.distance_m)
+    return before.heading_rad != decision.heading_rad or not np.array_equal(before.waypoints_w, decision.waypoints_w)

@@ -173,7 +173,10 @@ class Traverse:
         scenario = self.world.scenario
         goal = scenario.goal
         model = NavigatorModel(speed=SpeedModel() if "laser" in self._eyes else CAMERA_SPEED)
-        plan = navigator.begin(goal.position_m, goal.radius_m, self._footprint, scenario.rover.start_m, model=model)
+        area = self.world.ground.x_limits_m, self.world.ground.y_limits_m
+        plan = navigator.begin(
+            goal.position_m, goal.radius_m, self._footprint, scenario.rover.start_m, model=model, area=area
+        )
         periods = {name: eye.steps / STEPS_PER_S for name, eye in self._eyes.items()}
         knowledge = load_knowledge("rendered")
         return OnboardComputer(self._stack.companion, self._stack.frame, home_w, plan, knowledge, periods)

@@ -199,7 +199,7 @@ def traverse(
                 missions, progress = missions + 1, mobility.Progress()
                 limits = replace(limits, risk=decision.risk)
             if decision.kind == "back_up" and fresh:
-                backing, progress = mobility.backing_path(estimate, decision.distance_m), mobility.Progress()
+                backing, progress = decision.waypoints_w, mobility.Progress()
         assert decision is not None
         if decision.kind == "drive":
             wanted, progress = mobility.follow_path(decision.waypoints_w, estimate, FOOTPRINT, limits, progress)

@@ -75,7 +75,7 @@ def test_a_new_plan_while_driving_is_driven_without_another_command() -> None:
 
 def test_backing_up_and_turning_as_missions() -> None:
     pair = Pair()
-    pair.companion.upload(backing_items((-1.2, 0.0, 0.0), pair.frame, HOME), 0.0)
+    pair.companion.upload(backing_items([(-1.2, 0.0, 0.0)], pair.frame, HOME), 0.0)
     pair.companion.arm()
     pair.run(0.5)
     pair.companion.start_mission()
@@ -115,7 +115,7 @@ def test_after_a_slip_stop_the_companion_drives_on_with_another_mission() -> Non
     assert any(text.startswith("Slip stop") for _, _, text in pair.companion.status.texts)
     pair.rover.slip = 0.0
     x = pair.rover.x_m
-    pair.companion.drive(backing_items((x - 1.0, 0.0, 0.0), pair.frame, HOME), pair.time_s)
+    pair.companion.drive(backing_items([(x - 1.0, 0.0, 0.0)], pair.frame, HOME), pair.time_s)
     pair.run(6.0)
     assert pair.rover.x_m == pytest.approx(x - 1.0, abs=0.35)
     assert pair.companion.status.mission_state is MissionState.COMPLETE

@@ -62,7 +62,7 @@ def test_both_files_read_back_as_written(tmp_path_factory: pytest.TempPathFactor
 
 def test_the_plan_has_what_qgroundcontrol_asks_for(tmp_path: Path) -> None:
     path = tmp_path / "mission.plan"
-    write_plan(path, backing_items((-1.0, 0.0, 0.0), FRAME, HOME), 0.6)
+    write_plan(path, backing_items([(-1.0, 0.0, 0.0)], FRAME, HOME), 0.6)
     plan = json.loads(path.read_text())
     assert plan["fileType"] == "Plan"
     assert plan["version"] == 1

@@ -93,8 +93,8 @@ def test_trouble_ahead_is_backed_out_of_and_avoided() -> None:
     state = navigator.note_trouble(state, pose_at(2.75, 0, 0))
     state, decision = navigator.step(state, None, pose_at(2.75, 0, 0), 3.5)
     assert decision.kind == "back_up"
-    assert decision.distance_m > 0.4
-    _, onward = navigator.step(state, None, pose_at(2.0, 0, 0), 5.0)
+    assert decision.waypoints_w[0, 0] - decision.waypoints_w[-1, 0] == pytest.approx(0.8, abs=0.2)
+    _, onward = navigator.step(state, None, pose_at(1.9, 0, 0), 5.0)
     assert onward.kind == "drive"
     assert abs(np.interp(3.5, onward.waypoints_w[:, 0], onward.waypoints_w[:, 1])) > 0.5
 

@@ -35,12 +35,12 @@ def risky_speed(risk: float) -> float:
     return CRUISE_M_S * (1.0 - RISK_SLOWING * risk)
 
 
-def backing_items(place_w: Vector3, frame: LocalFrame, home_w: Vector3) -> list[WireItem]:
-    """Back up to a place behind the rover, then drive forwards again."""
+def backing_items(places_w: Sequence[Vector3], frame: LocalFrame, home_w: Vector3) -> list[WireItem]:
+    """Back up through places behind the rover, then drive forwards again."""
     return [
         home_item(frame, home_w),
         _command(mavlink.MAV_CMD_DO_SET_REVERSE, 1.0),
-        _waypoint(place_w, frame, home_w),
+        *(_waypoint(place, frame, home_w) for place in places_w),
         _command(mavlink.MAV_CMD_DO_SET_REVERSE, 0.0),
     ]
 
