@@ -22,6 +22,7 @@ from worlds.types import FloatArray, Footprint
 
 SUB_GOALS_M = (6.5, 4.5, 3.0, 2.0, 1.2)  # along the field's way, tried in turn
 AHEAD_M = (1.8, 1.0)  # to make room
+SQUEEZE_SHARE, SQUEEZE_M = 1.1, 2.0  # cost of a way through narrow gaps against one that keeps the whole margin
 WORTH_M = 4.0  # metres of way that full traversability is worth when candidates are compared
 
 
@@ -74,17 +75,19 @@ def choose(memory: TerrainMemory, table_w: FloatArray, place: Place, models: Mod
             return _chosen(
                 straight, table_w, place, models, detour=False, squeeze=False, reason="free rows to the goal"
             )
-    for squeeze in (False, True):
-        field = _field(memory, table_w, place, models, squeeze=squeeze)
-        here = float(field.at(np.array([place.position_w]))[0])
+    fields = [_field(memory, table_w, place, models, squeeze=squeeze) for squeeze in (False, True)]
+    wide, narrow = (float(field.at(np.array([place.position_w]))[0]) for field in fields)
+    through = narrow * SQUEEZE_SHARE + SQUEEZE_M < wide  # a long way round is no better than a narrow gap
+    for squeeze in (True, False) if through else (False, True):
+        here = narrow if squeeze else wide
         if not np.isfinite(here):
             continue
-        choice = _round(memory, table_w, place, models, field, here, squeeze=squeeze)
+        choice = _round(memory, table_w, place, models, fields[squeeze], here, squeeze=squeeze)
         if choice is not None:
             return choice
-    enclosed = not np.isfinite(here)
+    enclosed = not np.isfinite(narrow)
     if not enclosed:
-        ahead = _ahead(memory, table_w, place, models, field, here)
+        ahead = _ahead(memory, table_w, place, models, fields[True], narrow)
         if ahead is not None:
             return ahead
     row = straight.blocked_row if straight is not None else None
