@@ -1,0 +1,26 @@
+"""A small cell of the suite ``nav``, driven whole: rendered camera, perception, planner, link, soil and rocks at CFA 10 %."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import msgspec
+import pytest
+
+from rover_sim.trials.drive import drive
+from rover_sim.trials.suites import trials_of
+
+CELL = {"cfa": (0.1,), "slope_deg": (0.0,), "soil": ("mars_sand",)}
+GOAL_M = (8.0, 0.0)  # nearer than the suite's 20 m, to be driven in seconds
+
+
+@pytest.mark.parametrize("seed", [100, 102])
+def test_the_rover_reaches_the_goal_and_breaks_no_limit(seed: int, tmp_path: Path) -> None:
+    (trial,) = trials_of("nav", CELL, [seed], None)
+    goal = msgspec.structs.replace(trial.scenario.goal, position_m=GOAL_M, time_limit_s=120.0)
+    near = replace(trial, scenario=msgspec.structs.replace(trial.scenario, goal=goal))
+    row = drive(near, tmp_path, "none")
+    assert row.reason == "goal", row.metrics["detail"]
+    assert row.metrics["violations"] == []
+    assert row.metrics["path_inefficiency"] < 1.0
