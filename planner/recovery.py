@@ -9,7 +9,8 @@ import numpy as np
 
 from planner.choice import Place
 from planner.ground_cells import GroundCells
-from planner.room import turn_range
+from planner.obstacle_map import let_leave, near, segment_clearance
+from planner.room import GAP_M, turn_range
 from planner.terrain_map import TerrainMemory
 from planner.track import way_back
 from worlds.geometry import wrap_angle
@@ -33,6 +34,8 @@ MOST_BACK_M = 5.0
 ROOM_TO_TURN_RAD = float(np.deg2rad(70.0))
 LEAST_LOOK_RAD = float(np.deg2rad(20.0))
 LEAST_BACK_M = 0.25
+NUDGE_M = 0.5
+MOST_TURN_RAD = float(np.deg2rad(35.0))  # with which backing out of trouble may begin
 FARTHER_M = 1.5  # beyond what was asked, to where there is room to turn
 LATEST_S, LATEST_S_M = 15.0, 8.0  # for a manoeuvre, and more for each metre
 
@@ -41,16 +44,16 @@ LATEST_S, LATEST_S_M = 15.0, 8.0  # for a manoeuvre, and more for each metre
 class Manoeuvre:
     """A look or a backing that is under way."""
 
-    kind: Literal["look", "back_up"]
+    kind: Literal["look", "back_up", "drive"]
     reason: str
     start_w: tuple[float, float]
     start_s: float
     heading_rad: float = 0.0  # look: where to
-    way_w: FloatArray = field(default_factory=lambda: np.zeros((0, 2)))  # back_up: (N, 2) from the rover on
+    way_w: FloatArray = field(default_factory=lambda: np.zeros((0, 2)))  # back_up, drive: (N, 2) from the rover on
 
     @property
     def distance_m(self) -> float:
-        """How far a backing leads."""
+        """How far it leads."""
         steps = np.diff(self.way_w, axis=0)
         return float(np.hypot(steps[:, 0], steps[:, 1]).sum())
 
@@ -89,9 +92,11 @@ def next_manoeuvre(
         ladder = replace(ladder, place_w=place.position_w, heading_rad=place.heading_rad)
     if ladder.back_first:
         ladder = replace(ladder, back_first=False)
-        backing = _back(0.8, "back out of trouble", memory.cells, table_w, track, place, footprint, time_s)
-        if backing is not None:
-            return backing, ladder
+        away = _back(0.8, "back out of trouble", memory.cells, table_w, track, place, footprint, time_s)
+        if away is None or abs(_turn_to_back(away, place)) > MOST_TURN_RAD:
+            away = _nudge(table_w, place, footprint, time_s) or away
+        if away is not None:
+            return away, ladder
     while ladder.rung < len(RUNGS):
         kind, amount = RUNGS[ladder.rung]
         ladder = replace(ladder, rung=ladder.rung + 1)
@@ -135,6 +140,26 @@ def _back(
             break
     way = np.vstack([place.position_w, poses[: last + 1 : 3, :2], poses[last, :2]])
     return Manoeuvre("back_up", reason, place.position_w, time_s, way_w=way)
+
+
+def _turn_to_back(backing: Manoeuvre, place: Place) -> float:
+    """Turn on the spot with which a backing would begin."""
+    leg = place.position_w - backing.way_w[min(2, len(backing.way_w) - 1)]
+    return wrap_angle(float(np.arctan2(leg[1], leg[0])) - place.heading_rad)
+
+
+def _nudge(table_w: FloatArray, place: Place, footprint: Footprint, time_s: float) -> Manoeuvre | None:
+    """A short straight move to the rear or ahead, out of the pits that wheels dig while they turn in vain."""
+    position = np.asarray(place.position_w)
+    ahead = np.array([np.cos(place.heading_rad), np.sin(place.heading_rad)])
+    free = let_leave(near(table_w, position, 2.0), position, footprint.width_m / 2 + GAP_M)
+    kinds: tuple[Literal["back_up", "drive"], ...] = ("back_up", "drive")
+    for kind, sign in zip(kinds, (-1.0, 1.0), strict=True):
+        end = position + sign * NUDGE_M * ahead
+        tip = end + sign * footprint.length_m / 2 * ahead
+        if segment_clearance(free, np.stack([position, tip])).min() >= footprint.width_m / 2 + GAP_M:
+            return Manoeuvre(kind, "straight out of a turn", place.position_w, time_s, way_w=np.stack([position, end]))
+    return None
 
 
 def finished(manoeuvre: Manoeuvre, place: Place, time_s: float, *, seen: bool) -> bool:

@@ -33,7 +33,7 @@ class RockMemory:
     height_m: FloatArray  # (N,)
     height_sd_m: FloatArray  # (N,) one sigma of the height
     yaw_rad: FloatArray  # (N,) of the principal axis
-    weight: FloatArray  # (N,) of the sizes so far: sum of the views' weights, 1/m^2
+    weight: FloatArray  # (N,) of the sizes so far: sum of 1 / range^4, 1/m^4
     log_odds: FloatArray  # (N,) of being there
     seen_s: FloatArray  # (N,) time of the last view
 
@@ -70,13 +70,15 @@ class MemoryModel:
     lateral_sd_ratio: float = 0.02  # of the range: across the line of sight the error is small
     least_sd_m: float = 0.04
     seen_gain: float = 1.0  # log-odds of a view with certainty 1
-    cut_weight: float = 0.0005  # of a view that runs out of the picture
+    cut_weight: float = 0.0005  # of a view that runs out of the picture ...
+    cut_sds: float = 5.0  # ... whose height is so many times less sure
+    most_weight: float = 4.0
     missed_loss: float = 0.8  # log-odds of a rock that should have been seen
     drop_below: float = -1.4
     most_log_odds: float = 4.0
     sure_range_m: tuple[float, float] = (1.3, 5.5)  # inside it a missing rock is news
     sure_angle_rad: float = 0.035  # as is one of this apparent size
-    height_sd_share: float = 0.10  # of the height, and an angle: one sigma of one view's height
+    height_sd_share: float = 0.10  # of the height, and an angle: one sigma of a height that comes without
     height_sd_rad: float = 0.005
     least_height_m: float = 0.03  # lower ones are no rocks to the wheels
     capacity: int = 800
@@ -155,13 +157,16 @@ def _views(observation: Observation, viewpoint_w: FloatArray, model: MemoryModel
     covariance = covariance + across[:, None, None] ** 2 * (normal[:, :, None] * normal[:, None, :])
     certainty = np.clip(np.array([rock.certainty for rock in seen]), 0.3, 0.9)
     height, cut = np.array([rock.height_m for rock in seen]), np.array([rock.cut for rock in seen], dtype=bool)
+    told = np.array([rock.height_sd_m for rock in seen])
+    height_sd = np.where(told > 0.0, told, np.hypot(model.height_sd_share * height, model.height_sd_rad * distance))
+    height_sd = np.where(cut, model.cut_sds, 1.0) * height_sd
     return RockMemory(
         centre,
         covariance.reshape(count, 2, 2),
         np.array([max(rock.length_m, rock.width_m) for rock in seen]),
         np.array([min(rock.length_m, rock.width_m) for rock in seen]),
         height,
-        np.hypot(model.height_sd_share * height, model.height_sd_rad * distance) / np.where(cut, 0.2, 1.0),
+        height_sd,
         np.array([rock.yaw_rad + (0.0 if rock.length_m >= rock.width_m else np.pi / 2) for rock in seen]),
         np.where(cut, model.cut_weight, 1.0) / np.maximum(distance, 1.0) ** 4,
         np.log(certainty / (1.0 - certainty)),
@@ -181,7 +186,7 @@ def _associate(rocks: RockMemory, views: RockMemory, model: MemoryModel) -> tupl
 
 
 def _fuse(rocks: RockMemory, views: RockMemory, match: Index, model: MemoryModel) -> RockMemory:
-    """Matched rocks moved by covariance intersection, resized by inverse squared range.
+    """Matched rocks moved by covariance intersection, resized by the inverse fourth power of range.
 
     All views of a rock share the error of the ground plane, so they must not average out: covariance intersection
     (Julier and Uhlmann, 1997) holds for any correlation; its weight is that of Niehsen (2002), by the traces.
@@ -196,8 +201,9 @@ def _fuse(rocks: RockMemory, views: RockMemory, match: Index, model: MemoryModel
     new_information = (1.0 - old_share) * np.linalg.inv(new.covariance)
     covariance = np.linalg.inv(old_information + new_information)
     gain = covariance @ new_information
-    centre = old.centre_w + np.einsum("nij,nj->ni", gain, new.centre_w - old.centre_w)
+    # Far views mix up neighbours with a certainty of their own: near ones must be able to undo many of them.
     share = new.weight / (old.weight + new.weight)
+    centre = old.centre_w + np.einsum("nij,nj->ni", gain, new.centre_w - old.centre_w)
     yaw = old.yaw_rad + share * _half_turn(new.yaw_rad - old.yaw_rad)
     gained = np.minimum(old.log_odds + model.seen_gain * new.certainty, model.most_log_odds)
     fused = RockMemory(
@@ -206,9 +212,9 @@ def _fuse(rocks: RockMemory, views: RockMemory, match: Index, model: MemoryModel
         old.length_m + share * (new.length_m - old.length_m),
         old.width_m + share * (new.width_m - old.width_m),
         old.height_m + share * (new.height_m - old.height_m),
-        np.minimum(old.height_sd_m, new.height_sd_m),  # views share the plane's error: the surest one counts
+        old.height_sd_m + share * (new.height_sd_m - old.height_sd_m),  # views share errors: it does not shrink
         yaw,
-        np.minimum(old.weight + new.weight, 4.0),
+        np.minimum(old.weight + new.weight, model.most_weight),
         gained,
         new.seen_s,
     )

@@ -1,4 +1,4 @@
-"""A small cell of the suite ``nav``, driven whole: rendered camera, perception, planner, link, soil and rocks at CFA 10 %."""
+"""A small cell of the suite ``nav`` at CFA 10 %, the whole loop: rendered camera, planner, link, soil and rocks."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ import msgspec
 import pytest
 
 from rover_sim.trials.drive import drive
-from rover_sim.trials.suites import trials_of
+from rover_sim.trials.suites import Choices, trials_of
 
-CELL = {"cfa": (0.1,), "slope_deg": (0.0,), "soil": ("mars_sand",)}
+CELL: Choices = {"cfa": (0.1,), "slope_deg": (0.0,), "soil": ("mars_sand",)}
 GOAL_M = (8.0, 0.0)  # nearer than the suite's 20 m, to be driven in seconds
 
 

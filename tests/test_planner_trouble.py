@@ -1,0 +1,131 @@
+"""What keeps the rover out of trouble among many rocks, and how it gets out: track, fence, pieces, heights, bends."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from planner import mobility, navigator
+from planner.obstacle_map import DriveModel, distance_to, fence, obstacles
+from planner.terrain_map import empty_memory, remember, rock_at
+from planner.track import NO_TRACK, STEP_M, note, way_back
+from tests.planner_factory import FOOTPRINT, DiscWorld, look, pose_at
+from worlds.types import FloatArray, Observation, PerceivedRock
+
+CLIMB_M = 0.10
+
+
+def driven(places: list[tuple[float, float, float]]) -> FloatArray:
+    """The track of a rover that was at ``places``."""
+    track = NO_TRACK
+    for place in places:
+        track = note(track, place)
+    return track
+
+
+def table_of(*rocks: PerceivedRock) -> FloatArray:
+    """Obstacles that one look at rocks makes."""
+    seen = Observation(0.0, rocks, np.empty((0, 0), dtype=np.str_), np.zeros((0, 0, 2)), np.zeros((0, 2)))
+    memory = remember(empty_memory(np.zeros(2)), seen, np.zeros(2))
+    return obstacles(memory.rocks, DriveModel(), CLIMB_M)
+
+
+def test_the_track_grows_by_steps_and_shrinks_where_it_is_backed_out_of() -> None:
+    there = [(x, 0.0, 0.0) for x in np.arange(0.0, 2.01, 0.05)]
+    track = driven(there)
+    assert track[-1, 0] == pytest.approx(2.0, abs=STEP_M)
+    assert np.diff(track[:, 0]).min() >= STEP_M - 1e-9
+    back = driven(there + [(x, 0.0, 0.0) for x in np.arange(1.95, 0.99, -0.05)])
+    assert back[-1, 0] == pytest.approx(1.0, abs=STEP_M)
+
+
+@given(st.floats(0.3, 4.0))
+def test_the_way_back_is_as_long_as_asked_and_ends_on_the_track(most_m: float) -> None:
+    track = driven([(x, 0.3 * x, 0.3) for x in np.arange(0.0, 5.0, 0.05)])
+    back = way_back(track, (float(track[-1, 0]), float(track[-1, 1])), most_m)
+    length = float(np.hypot(*(back[-1, :2] - track[-1, :2])))
+    assert most_m - 2 * STEP_M < length <= most_m + 1e-9
+    assert any(np.allclose(pose, back[-1]) for pose in track)
+
+
+def test_backing_follows_a_bend_that_was_driven() -> None:
+    state = navigator.begin((10.0, 0.0), 0.5, FOOTPRINT, (0.0, 0.0))
+    corner = [(0.1 * n, 0.0, 0.0) for n in range(21)] + [(2.0, 0.1 * n, np.pi / 2) for n in range(1, 6)]
+    for n, pose in enumerate(corner):
+        state, _ = navigator.step(state, look(DiscWorld.of([]), np.array(pose), n, None), pose_at(*pose), float(n))
+    state = navigator.note_trouble(state, pose_at(*corner[-1]))
+    _, decision = navigator.step(state, None, pose_at(*corner[-1]), 40.0)
+    assert decision.kind == "back_up"
+    assert np.abs(decision.waypoints_w[:, 0] - 2.0).max() > 0.1, "it goes round the corner, not through"
+    assert decision.waypoints_w[-1, 1] < 0.1
+
+
+def test_only_the_last_places_of_trouble_are_avoided_and_none_for_a_manoeuvre() -> None:
+    state = navigator.begin((10.0, 0.0), 0.5, FOOTPRINT, (0.0, 0.0))
+    for x in range(6):
+        state = navigator.note_trouble(state, pose_at(float(x), 0.0, 0.0))
+    assert len(state.avoid_w) == navigator.MOST_AVOIDED
+    assert state.avoid_w[-1, 0] > 5.0
+    state, decision = navigator.step(state, None, pose_at(5.0, 0.0, 0.0), 1.0)
+    assert decision.kind in {"back_up", "look"}
+    assert len(navigator.note_trouble(state, pose_at(5.0, 0.0, 0.0)).avoid_w) == navigator.MOST_AVOIDED
+
+
+@given(st.floats(-4.0, 9.0), st.floats(-3.0, 2.0))
+def test_a_fence_is_as_near_as_the_nearest_limit(x: float, y: float) -> None:
+    around = fence(((-5.0, 10.0), (-4.0, 3.0)))
+    nearest = min(x + 5.0, 10.0 - x, y + 4.0, 3.0 - y)
+    assert distance_to(around, np.array([x, y])).min() == pytest.approx(nearest, abs=1e-9)
+    assert (around[:, 6] == 1.0).all()
+
+
+def test_the_navigator_keeps_inside_its_area() -> None:
+    wall = [(3.0, y, 0.25) for y in np.arange(-1.5, 6.0, 0.4)]  # the way round on the right leads over the limit
+    state = navigator.begin((6.0, 0.0), 0.5, FOOTPRINT, (0.0, 0.0), area=((-8.0, 12.0), (-2.0, 9.0)))
+    state, _ = navigator.step(state, look(DiscWorld.of(wall), np.zeros(3), 0.0, None), pose_at(0, 0, 0), 0.0)
+    _, decision = navigator.step(state, None, pose_at(0, 0, 0), 0.5)
+    assert decision.kind != "drive" or decision.waypoints_w[:, 1].min() > -1.7
+
+
+def test_a_height_is_held_against_the_climb_height_with_some_of_its_error() -> None:
+    sure = replace(rock_at((2.0, 0.0, 0.0), 0.2, 0.09), height_sd_m=0.005)
+    assert not table_of(sure)[0, 6]
+    assert table_of(replace(sure, height_sd_m=0.04))[0, 6]
+    assert table_of(replace(sure, height_m=0.11))[0, 6]
+
+
+def test_touching_pieces_count_as_the_rock_that_they_make() -> None:
+    piece, other = rock_at((2.0, 0.0, 0.0), 0.16, 0.06), rock_at((2.0, 0.17, 0.0), 0.16, 0.06)
+    joined = table_of(piece, other)
+    assert len(joined) == 3
+    assert joined[:, 6].sum() == 1.0
+    apart = table_of(piece, rock_at((2.0, 0.30, 0.0), 0.16, 0.06))
+    assert not apart[:, 6].any()
+    small = table_of(rock_at((2.0, 0.0, 0.0), 0.08, 0.04), rock_at((2.0, 0.08, 0.0), 0.08, 0.04))
+    assert not small[:, 6].any(), "together they are still low"
+
+
+def test_near_views_undo_many_far_ones() -> None:
+    memory = empty_memory(np.zeros(2))
+    far = replace(rock_at((6.0, 0.0, 0.0), 0.3, 0.20, range_m=6.0), height_sd_m=0.01)
+    near = replace(rock_at((6.0, 0.0, 0.0), 0.2, 0.05, range_m=1.5), height_sd_m=0.01)
+    outline, none = np.zeros((0, 2)), np.empty((0, 0), dtype=np.str_)
+    for n in range(23):
+        rock, place = (far, np.zeros(2)) if n < 20 else (near, np.array([4.5, 0.0]))
+        memory = remember(memory, Observation(float(n), (rock,), none, np.zeros((0, 0, 2)), outline), place)
+    assert len(memory.rocks) == 1
+    assert memory.rocks.height_m[0] < 0.06
+
+
+@given(st.floats(-0.6, 0.6), st.floats(0.2, 2.0))
+def test_bends_keep_the_inner_wheels_rolling(bearing: float, reach: float) -> None:
+    limits = mobility.Limits()
+    path = np.array([[0.0, 0.0], [reach * np.cos(bearing), reach * np.sin(bearing)]])
+    command, _ = mobility.follow_path(path, pose_at(0, 0, 0), FOOTPRINT, limits, mobility.Progress())
+    if command.linear_m_s > 0.0:
+        wheels = np.array(mobility.wheel_speeds(command.linear_m_s, command.yaw_rate_rad_s, FOOTPRINT))
+        assert wheels.min() * FOOTPRINT.wheel_radius_m >= (limits.inner_share - 1e-6) * command.linear_m_s
