@@ -9,17 +9,20 @@ pipeline.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import cv2
 import numpy as np
 
-from perception.ground import depression_rad, ground_points, ground_range, range_sd
+from perception.camera import grid_rays_c
+from perception.ground import ground_points, ground_range, range_sd
 from worlds.geometry import quaternion_from_euler, rotation_from_quaternion
-from worlds.types import BoolArray, FloatArray, Frame, Pose, RangeScan
+from worlds.types import BoolArray, ByteArray, FloatArray, Frame, IntArray, Pose, RangeScan
 
 REACH_M = 5.0  # farther feet are too few pixels below the horizon
 ANGLE_SD_RAD = 0.006  # about a pixel and a quarter
 GROUND_SD_M, SLOPE_SD = 0.01, 0.005
+_BLUR_REACH_PX = 8  # rows beyond a strip that its softened pixels still feel
 
 
 @dataclass(frozen=True)
@@ -42,13 +45,19 @@ class TallThings:
 
     covered: BoolArray  # (H, W)
     columns: BoolArray  # (W,) that hold one
-    scan: RangeScan
+    foot_px: FloatArray  # (W,) first row under the foot, -1 where there is none
+    frame: Frame  # that shows them
+
+    @cached_property
+    def scan(self) -> RangeScan:
+        """A beam a column: as far as the foot, or free."""
+        return _scan(self.frame, self.foot_px)
 
 
 def ground_hue(frame: Frame, model: TallModel | None = None) -> float:
     """Hue of the ground at the foot of a picture; the rover is set down where it has free ground before it."""
     model = model or TallModel()
-    hue, _ = _hue_and_lightness(frame, model)
+    hue, _ = _hue_and_lightness(frame.image, model)
     return float(np.median(hue[round((1.0 - model.bottom_share) * len(hue)) :]))
 
 
@@ -58,31 +67,47 @@ def tall_things(frame: Frame, hue: float, model: TallModel | None = None) -> Tal
     if frame.camera_pose is None or frame.ground is None:
         raise ValueError("a frame without pose or ground has no horizon")
     height, width = frame.image.shape[:2]
-    columns = np.arange(width) + 0.5
-    rows = np.arange(height) + 0.5
-    grid = np.stack(np.meshgrid(columns, rows), axis=-1)
-    above = depression_rad(frame.camera, frame.camera_pose, frame.ground, grid) < 0.0
+    normal_c = rotation_from_quaternion(frame.camera_pose.quaternion_w).T @ frame.ground.normal_w
+    above = np.asarray(grid_rays_c(frame.camera, (height, width)) @ normal_c > 0.0)
     horizon = above.sum(axis=0)
     up, down = model.band_px
     if horizon.min() < up or horizon.max() > height - down:
         return None
-    found, lightness = _hue_and_lightness(frame, model)
+    band = slice(int(horizon.min()) - up, int(horizon.max()) + down)
+    tall = _fill_the_band(frame, band, above, horizon, hue, model)
+    if not tall.any():
+        return TallThings(np.zeros_like(above), tall, np.full(width, -1.0), frame)
+    found, lightness = _hue_and_lightness(frame.image, model)
+    rows = np.arange(height)
+    thing = _things(found, lightness, above, hue, model)
+    foot = _feet(thing, rows[:, None] >= horizon, model.gap_px)
+    covered = (rows[:, None] + 0.5 < foot) & tall
+    covered |= _shadows(found, lightness, above | covered, hue, model)
+    return TallThings(np.asarray(covered), tall, np.where(tall, foot, -1.0), frame)
+
+
+def _fill_the_band(
+    frame: Frame, band: slice, above: BoolArray, horizon: IntArray, hue: float, model: TallModel
+) -> BoolArray:
+    """Columns (W,) that something fills from above the horizon to below it; only those rows are looked at."""
+    first = max(band.start - _BLUR_REACH_PX, 0)
+    found, lightness = _hue_and_lightness(frame.image[first : band.stop + _BLUR_REACH_PX], model)
+    inside = slice(band.start - first, band.stop - first)
+    thing = _things(found[inside], lightness[inside], above[band], hue, model)
+    offset = np.arange(band.start, band.stop)[:, None] - horizon
+    return np.asarray((thing | (offset < -model.band_px[0]) | (offset >= model.band_px[1])).all(axis=0))
+
+
+def _things(found: FloatArray, lightness: FloatArray, above: BoolArray, hue: float, model: TallModel) -> BoolArray:
+    """Pixels that are neither ground nor sky."""
     sky = above & (lightness > model.sky_lightness) & (found > model.sky_hue)
-    thing = (found < hue - model.hue_tolerance) & ~sky
-    offset = rows[:, None] - 0.5 - horizon[None, :]
-    band = (offset >= -up) & (offset < down)
-    tall = np.asarray(np.where(band, thing, True).all(axis=0))
-    foot = _feet(thing, offset >= 0, model.gap_px)
-    covered = (rows[:, None] < foot[None, :]) & tall[None, :]
-    if tall.any():
-        covered |= _shadows(found, lightness, above | covered, hue, model)
-    return TallThings(np.asarray(covered), np.asarray(tall), _scan(frame, np.where(tall, foot, -1)))
+    return np.asarray((found < hue - model.hue_tolerance) & ~sky)
 
 
-def _hue_and_lightness(frame: Frame, model: TallModel) -> tuple[FloatArray, FloatArray]:
+def _hue_and_lightness(image: ByteArray, model: TallModel) -> tuple[FloatArray, FloatArray]:
     """Hue and L* (H, W) of the softened picture; a grey one has no hue."""
-    image = frame.image if frame.image.ndim == 3 else cv2.cvtColor(frame.image, cv2.COLOR_GRAY2RGB)
-    soft = cv2.GaussianBlur(image.astype(np.float32) / 255.0, (0, 0), model.blur_px)
+    colour = image if image.ndim == 3 else cv2.cvtColor(image, cv2.COLOR_GRAY2RGB)
+    soft = cv2.GaussianBlur(colour.astype(np.float32) / 255.0, (0, 0), model.blur_px)
     hue = (soft[..., 0] - soft[..., 2]) / (soft.sum(axis=-1) + 1e-3)
     return np.asarray(hue, dtype=np.float64), np.asarray(
         cv2.cvtColor(soft, cv2.COLOR_RGB2LAB)[..., 0], dtype=np.float64
