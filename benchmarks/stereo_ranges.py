@@ -73,7 +73,7 @@ def main() -> None:
             one += errors(view, perceive(frame, knowledge))
             two += errors(view, perceive(replace(frame, right=right, baseline_m=STEREO_BASELINE_M), knowledge))
             start = time.process_time()
-            depth = depth_picture(frame.image, right, frame.camera.focal_px, STEREO_BASELINE_M)
+            depth = depth_picture(frame.image, right, frame.camera, (1.0, 1.0), STEREO_BASELINE_M)
             spent.append(time.process_time() - start)
             near = view.truth.depth_m < 6.0
             matched.append(np.isfinite(depth[near]).mean())

@@ -22,7 +22,7 @@ from perception.rock_placement import View, place_rocks
 from perception.shadow_height import with_shadows
 from perception.sky import sky_mask
 from perception.soil_reference import even_light, soil_reference
-from perception.stereo import StereoView, depth_picture, refined
+from perception.stereo import StereoView, depth_picture, measured_ground, refined
 from perception.terrain_class import classify
 from perception.window_features import WINDOW_PX, WindowSource, window_features
 from worlds.types import BoolArray, ByteArray, FloatArray, Frame, IntArray, Observation, PerceivedRock
@@ -76,7 +76,11 @@ def perceive(frame: Frame, knowledge: Knowledge, covered: BoolArray | None = Non
         return examine(frame.image, knowledge)
     view = View(frame.camera, frame.camera_pose, frame.ground, frame.to_sun_w)
     found = on_ground(examine(frame.image, knowledge, view, covered), view, frame.time_s, knowledge)
-    return found if frame.right is None else with_second_eye(found, view, frame.image, frame.right, frame.baseline_m)
+    return (
+        found
+        if frame.right is None
+        else with_second_eye(found, view, frame.image, frame.right, frame.baseline_m, knowledge)
+    )
 
 
 def examine(
@@ -125,14 +129,18 @@ def on_ground(found: Perception, view: View, time_s: float, knowledge: Knowledge
     return replace(found, rocks=rocks, observation=observation)
 
 
-def with_second_eye(found: Perception, view: View, left: ByteArray, right: ByteArray, baseline_m: float) -> Perception:
+def with_second_eye(
+    found: Perception, view: View, left: ByteArray, right: ByteArray, baseline_m: float, knowledge: Knowledge
+) -> Perception:
     """The same with its placed rocks moved to where a second camera, to the right of the first, sees them."""
     assert found.observation is not None
-    focal_px = view.camera.focal_px / found.scale[0]
-    depth = depth_picture(working_picture(left), working_picture(right), focal_px, baseline_m)
-    eyes = StereoView(view, found.scale, focal_px * baseline_m)
+    depth = depth_picture(working_picture(left), working_picture(right), view.camera, found.scale, baseline_m)
+    eyes = StereoView(view, found.scale, view.camera.focal_px / found.scale[0] * baseline_m)
+    ground = measured_ground(depth, found.labels, found.hidden, eyes)
     rocks = tuple(
-        replace(rock, placed=refined(rock.placed, depth, found.labels == rock.id, eyes)) if rock.placed else rock
+        replace(rock, placed=refined(rock.placed, depth, found.labels == rock.id, ground, eyes, knowledge.ground))
+        if rock.placed
+        else rock
         for rock in found.rocks
     )
     placed = tuple(rock.placed for rock in rocks if rock.placed is not None)

@@ -86,8 +86,6 @@ def baseline_m(camera: CameraFile | None) -> float:
     """Distance of the two cameras of a pair; InputError where the file does not describe one that can be used."""
     if camera is None or camera.stereo is None:
         raise InputError("--right: needs a --camera file with a table [stereo] that holds baseline_m")
-    if camera.lens is not None:
-        raise InputError("--right: pairs are matched along rows; give pictures without distortion and no [lens]")
     return camera.stereo.baseline_m
 
 

@@ -128,7 +128,7 @@ def _look(order: Order, path: Path, picture: ByteArray, right: ByteArray | None,
     seen = examine(picture, knowledge, view if order.camera else None)
     found = on_ground(seen, view, 0.0, knowledge)
     if right is not None:
-        found = with_second_eye(found, view, picture, right, baseline_m(order.camera))
+        found = with_second_eye(found, view, picture, right, baseline_m(order.camera), knowledge)
     assert found.observation is not None
     paths = picture_paths(found.observation, view, footprint)
     return _Scene(path, order.folder / path.stem, found, view, paths, footprint, knowledge.ground.max_range_m)
