@@ -91,7 +91,7 @@ def stages(frame: Frame, know: Knowledge) -> dict[str, Work]:
     soil = soil_reference(lab, hidden, know.soil)
     even = even_light(lab, soil)
     found = binarize(even, soft, soil, hidden, know)
-    blobs, _ = classify_blobs(grey, found, hidden, know)
+    blobs, _ = classify_blobs(grey, even, found, hidden, know)
     seen = examine(picture, know, view)
     names, least = know.terrain_rules.input_names, know.terrain.min_certainty
     features = window_features(seen.windows, names)
@@ -100,7 +100,7 @@ def stages(frame: Frame, know: Knowledge) -> dict[str, Work]:
             even_light(lab, soil_reference(lab, hidden, know.soil)), soft, soil, hidden, know
         ),
         "blobs, certainty, geometry": lambda: outlines(
-            classify_blobs(grey, found, hidden, know)[0], know.rock.round_ratio
+            classify_blobs(grey, even, found, hidden, know)[0], know.rock.round_ratio
         ),
         "classes": lambda: classify(window_features(seen.windows, names), know.terrain_rules, least),
         "  of which rules": lambda: classify(features, know.terrain_rules, least),

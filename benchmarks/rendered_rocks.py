@@ -85,6 +85,13 @@ def add(score: Score, view: RenderedView, found: Perception) -> None:
             score.false_ground += label not in mates and not on_rock
 
 
+def figures(score: Score) -> tuple[float, float]:
+    """Recall and precision."""
+    which, found, _ = np.array(score.sizes).T
+    right = score.reported - score.false_ground - score.false_rock
+    return float(found[which > 0].mean()), right / max(score.reported, 1)
+
+
 def report(score: Score) -> list[str]:
     """The figures as lines."""
     which, found, pixels = np.array(score.sizes).T

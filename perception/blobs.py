@@ -33,7 +33,11 @@ class Blobs:
 
 def find_blobs(mask: BoolArray, min_area_px: int = 1, neck_ratio: float = 0.0) -> Blobs:
     """8-connected blobs of ``mask`` (H, W) with at least ``min_area_px`` pixels, parted at narrow necks."""
-    labels = part_at_necks(mask, neck_ratio)
+    return measured_blobs(part_at_necks(mask, neck_ratio), min_area_px)
+
+
+def measured_blobs(labels: IntArray, min_area_px: int) -> Blobs:
+    """Blobs of a picture of ``labels`` (H, W), relabelled by size, without those under ``min_area_px`` pixels."""
     area, box, moments = _measured(labels)
     order = np.argsort(-area, kind="stable")
     order = order[area[order] >= min_area_px]
@@ -41,7 +45,7 @@ def find_blobs(mask: BoolArray, min_area_px: int = 1, neck_ratio: float = 0.0) -
     rank[order + 1] = np.arange(1, len(order) + 1, dtype=np.int32)
     labels, area, box = rank[labels], area[order], box[order]
     centre, variance, axis = _principal(area, moments[order])
-    return Blobs(labels, area, box, centre, variance, axis, _touches(box, mask.shape))
+    return Blobs(labels, area, box, centre, variance, axis, _touches(box, labels.shape))
 
 
 def select(blobs: Blobs, keep: BoolArray) -> Blobs:

@@ -26,6 +26,10 @@ TERRAIN_INPUTS = (
 )
 CUE_NAMES = ("lightness", "green_red", "blue_yellow", "roughness", "likeness")
 SKY_CUES = ("lightness", "green_red", "blue_yellow", "texture", "texture_over", "texture_level", "row")
+PARTING_CUES = (
+    *("smaller", "whole_fill", "fill_gain", "least_fill", "chord", "blue_share", "blue_step", "level"),
+    *("score_dip", "lit_above", "hue_step", "light_step", "crease"),
+)
 LIMITS: Limits = {
     "soil.window_px": (1, 99),
     "soil.smooth_percentile": (0.0, 100.0),
@@ -49,6 +53,7 @@ LIMITS: Limits = {
     "sky.grey.least": (0.0, 1e3),
     "sky.colour.least_width": (0.0, 1.0),
     "sky.grey.least_width": (0.0, 1.0),
+    "parting.least_px": (1, 76800),
     "ground.max_range_m": (0.1, 1e4),
     "ground.horizon_dip_deg": (0.0, 45.0),
     "rock.min_certainty": (0.0, 1.0),
@@ -123,6 +128,31 @@ class Binarization(_Table, frozen=True, kw_only=True):
     min_area_px: int = 80
 
 
+class Parting(_Table, frozen=True, kw_only=True):
+    """Evidence that a straight line through a blob parts two rocks, in log odds; see `perception.rock_parting`."""
+
+    bias: float
+    threshold: float  # evidence that the best line must have
+    least_px: int  # pixels that a cut must leave on either side
+    smaller: Cue | None = None  # decimal logarithm of the pixels of the smaller part
+    whole_fill: Cue | None = None  # area over that of the ellipse with the same moments: of the blob
+    fill_gain: Cue | None = None  # mean of the two parts minus the blob
+    least_fill: Cue | None = None  # the lesser of the two parts
+    chord: Cue | None = None  # length of the cut over the root of the smaller area
+    blue_share: Cue | None = None  # share of the blob's variance of b* that lies between the parts
+    blue_step: Cue | None = None  # difference of b* between the two pixels on either side of the cut
+    level: Cue | None = None  # 1 where the cut is level, 0 where it is upright
+    score_dip: Cue | None = None  # rock score along the cut minus the blob's
+    lit_above: Cue | None = None  # L* of the upper part minus the lower's, times `level`
+    hue_step: Cue | None = None  # difference of b* / L* between the parts
+    light_step: Cue | None = None  # step of L* at the cut over the blob's standard deviation
+    crease: Cue | None = None  # L* along the cut minus the darker part's
+
+    def named(self) -> tuple[tuple[str, Cue], ...]:
+        """Name and evidence of the cues that are there."""
+        return _named(self, PARTING_CUES)
+
+
 class SkyEvidence(_Table, frozen=True, kw_only=True):
     """Additive evidence for sky or far ridge in cells of the picture, in log odds, and the price of the skyline."""
 
@@ -182,6 +212,7 @@ class _File(_Table, frozen=True, kw_only=True):
     second_cues: CueSet | None = None  # a second look, with what the first one found; None: the first look counts
     grey_cues: CueSet | None = None  # the only look at pictures without colour; None: `cues` without those of colour
     binarization: Binarization
+    parting: Parting | None = None  # lines that part the rocks of one blob; None: necks alone part them
     sky: Sky
     ground: GroundKnowledge
     rock: RockKnowledge
@@ -198,6 +229,7 @@ class Knowledge:
     second_cues: CueSet | None
     grey_cues: CueSet | None
     binarization: Binarization
+    parting: Parting | None
     sky: Sky
     ground: GroundKnowledge
     rock: RockKnowledge
@@ -228,8 +260,8 @@ def _decode(table: dict[str, Any], source: str) -> Knowledge:
     check_limits(plain, LIMITS, source)
     for key in ("cues", "second_cues", "grey_cues"):
         _check_cues(getattr(plain, key), f"{source}: {key}", first_look=key != "second_cues")
-    for key, evidence in (("sky.colour", plain.sky.colour), ("sky.grey", plain.sky.grey)):
-        for name, cue in evidence.named():
+    for key, evidence in (("sky.colour", plain.sky.colour), ("sky.grey", plain.sky.grey), ("parting", plain.parting)):
+        for name, cue in evidence.named() if evidence is not None else ():
             _check_cue(cue, f"{source}: {key}.{name}")
     return Knowledge(
         **{field: getattr(plain, field) for field in plain.__struct_fields__},

@@ -111,7 +111,7 @@ def choose_cuts(ready: Sequence[_Prepared], know: Knowledge) -> Knowledge:
         total = RockCounts()
         for one, score in zip(ready, scores, strict=True):
             found = Binarized(score, rock_mask(score, one.soft, know.binarization))
-            total += count_rocks(classify_blobs(one.grey, found, one.hidden, know)[0].labels, one.rock)
+            total += count_rocks(classify_blobs(one.grey, one.lab, found, one.hidden, know)[0].labels, one.rock)
         return total
 
     know = max((_with_cut(know, threshold=t) for t in THRESHOLDS), key=lambda k: counts(k).iou)

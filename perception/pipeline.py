@@ -18,6 +18,7 @@ from perception.ground import beyond_horizon, footprint, window_centres, window_
 from perception.knowledge_base import Knowledge, load_knowledge
 from perception.rock_classifier import blob_features, rock_certainty
 from perception.rock_geometry import RockOutlines, outlines
+from perception.rock_parting import part_rocks
 from perception.rock_placement import View, place_rocks
 from perception.shadow_height import with_shadows
 from perception.sky import sky_mask
@@ -95,8 +96,9 @@ def examine(
     if covered is not None:
         hidden = hidden | (working_picture(covered.astype(np.uint8)) > 0)
     soil = soil_reference(lab, hidden, knowledge.soil)
-    found = binarize(even_light(lab, soil), soft_grey, soil, hidden, knowledge)
-    blobs, certainty = classify_blobs(grey, found, hidden, knowledge)
+    even = even_light(lab, soil)
+    found = binarize(even, soft_grey, soil, hidden, knowledge)
+    blobs, certainty = classify_blobs(grey, even, found, hidden, knowledge)
     shape = outlines(blobs, knowledge.rock.round_ratio)
     windows = WindowSource(grey, lab, soil, found.score, blobs.labels, blobs.area_px, hidden, _ranges(view))
     features = window_features(windows, knowledge.terrain_rules.input_names)
@@ -181,10 +183,13 @@ def missing_data(grey: ByteArray) -> BoolArray:
 
 
 def classify_blobs(
-    grey: ByteArray, found: Binarized, hidden: BoolArray, know: Knowledge
+    grey: ByteArray, even: SingleArray, found: Binarized, hidden: BoolArray, know: Knowledge
 ) -> tuple[Blobs, NDArray[np.float64]]:
-    """Blobs that pass for rocks, largest first, and their certainty (R,)."""
-    blobs = find_blobs(found.mask, know.binarization.min_area_px, know.binarization.neck_ratio)
+    """Blobs that pass for rocks, largest first, and their certainty (R,); ``even`` (H, W, 3) has even light."""
+    least_px = know.binarization.min_area_px
+    blobs = find_blobs(found.mask, least_px, know.binarization.neck_ratio)
+    if know.parting is not None:
+        blobs = part_rocks(blobs, even, found.score, know.parting, least_px)
     certainty = rock_certainty(blob_features(grey, found.score, blobs), know.rock_rules)
     sure = (certainty >= know.rock.min_certainty) & ~skyline_bands(blobs, hidden)
     return select(blobs, sure), certainty[sure]

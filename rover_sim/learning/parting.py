@@ -1,0 +1,113 @@
+"""Learning where to cut blobs that show several rocks, from pictures whose rocks are known pixel by pixel."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import cv2
+import msgspec
+import numpy as np
+
+from perception.additive_fit import fit_additive, quantile_knots
+from perception.binarize import SingleArray, binarize
+from perception.blobs import Blobs, find_blobs
+from perception.knowledge_base import PARTING_CUES, Cue, Knowledge, Parting
+from perception.pipeline import View, hidden_mask, smoothed
+from perception.rock_parting import Integers, all_cuts, side_of
+from perception.soil_reference import even_light, soil_reference
+from rover_sim.learning.rendered_views import RenderedView
+from worlds.types import BoolArray, FloatArray, IntArray
+
+QUANTILES = (0.01, 0.1, 0.25, 0.5, 0.75, 0.9, 0.97, 0.995)  # of a cue's values, where its knots are
+STIFFNESS = 1e-4
+LEAST_PX = 10  # on either side of a cut
+LEAST_ROCK_PX = 8  # a part that shows a smaller rock gains nothing
+
+
+@dataclass(frozen=True, eq=False)
+class CutSamples:
+    """Lines through blobs."""
+
+    measures: FloatArray  # (N, 13)
+    gain: IntArray  # (N,) rocks that have a blob of their own after the cut, minus before
+
+
+def cut_samples(view: RenderedView, know: Knowledge) -> CutSamples:
+    """All lines through the blobs of one picture, found as `examine` finds them, and what each would gain."""
+    blobs, even, score = blobs_before_parting(view, know)
+    ids, seen = np.maximum(view.truth.ids, 0), view.rocks.seen_px >= LEAST_ROCK_PX
+    true_px = np.bincount(ids.ravel())
+    wanted = np.zeros(len(true_px), dtype=bool)
+    wanted[view.rocks.ids[seen]] = True
+    measures, gains = [np.empty((0, len(PARTING_CUES)))], [np.empty(0, dtype=np.int32)]
+    for blob in range(len(blobs)):
+        box = blobs.box_px[blob]
+        found, lines = all_cuts(blobs.labels, even, score, blob + 1, box, LEAST_PX)
+        here = (slice(box[1], box[1] + box[3]), slice(box[0], box[0] + box[2]))
+        y, x = np.nonzero(blobs.labels[here] == blob + 1)
+        of = ids[here][y, x]
+        whole = _shows_one(of, true_px, wanted)
+        gain = np.zeros(len(lines), dtype=np.int32)
+        if whole or of.any():
+            for row, line in enumerate(lines):
+                far = side_of(x, y, line, box)
+                gain[row] = _shows_one(of[far], true_px, wanted) + _shows_one(of[~far], true_px, wanted) - whole
+        measures.append(found)
+        gains.append(gain)
+    return CutSamples(np.concatenate(measures), np.concatenate(gains))
+
+
+def learn_parting(samples: Sequence[CutSamples], threshold: float) -> Parting:
+    """Evidence that a line gains a rock."""
+    measures = np.concatenate([s.measures for s in samples])
+    gains = np.concatenate([s.gain for s in samples]) > 0
+    knots = [quantile_knots(column, QUANTILES) for column in measures.T]
+    fit = fit_additive(list(measures.T), gains, knots, STIFFNESS)
+    cues = {
+        name: Cue(value=_rounded(places), evidence=_rounded(evidence))
+        for name, places, evidence in zip(PARTING_CUES, fit.knots, fit.evidence, strict=True)
+    }
+    return Parting(bias=round(fit.bias, 3), threshold=threshold, least_px=LEAST_PX, **cues)
+
+
+def with_parting(know: Knowledge, parting: Parting, threshold: float) -> Knowledge:
+    """``know`` that parts blobs where the evidence is at least ``threshold``."""
+    return replace(know, parting=msgspec.structs.replace(parting, threshold=threshold))
+
+
+def parting_toml(parting: Parting) -> str:
+    """The TOML table."""
+    lines = ["[parting]", *(f"{name} = {getattr(parting, name)}" for name in ("bias", "threshold", "least_px"))]
+    for name, cue in parting.named():
+        lines.append(f"{name} = {{ value = {list(cue.value)}, evidence = {list(cue.evidence)} }}")
+    return "\n".join(lines) + "\n"
+
+
+def blobs_before_parting(view: RenderedView, know: Knowledge) -> tuple[Blobs, SingleArray, SingleArray]:
+    """Blobs of a picture parted at necks alone, its evenly lit CIE Lab, and its rock score."""
+    frame = view.frame
+    assert frame.camera_pose is not None
+    assert frame.ground is not None
+    grey = np.asarray(cv2.cvtColor(frame.image, cv2.COLOR_RGB2GRAY), dtype=np.uint8)
+    lab, soft = smoothed(frame.image, know.binarization.blur_px)
+    hidden = hidden_mask(grey, lab, View(frame.camera, frame.camera_pose, frame.ground), know)
+    soil = soil_reference(lab, hidden, know.soil)
+    even = even_light(lab, soil)
+    found = binarize(even, soft, soil, hidden, know)
+    how = know.binarization
+    return find_blobs(found.mask, how.min_area_px, how.neck_ratio), even, found.score
+
+
+def _shows_one(of: Integers, true_px: Integers, wanted: BoolArray) -> int:
+    """1 if more than half of the pixels ``of`` a part, and of a wanted rock, belong to each other."""
+    if len(of) == 0:
+        return 0
+    counts = np.bincount(of, minlength=1)
+    counts[0] = 0
+    rock = int(counts.argmax())
+    return int(wanted[rock] and 2 * counts[rock] > max(len(of), int(true_px[rock])))
+
+
+def _rounded(values: FloatArray) -> tuple[float, ...]:
+    return tuple(float(f"{value:.4g}") for value in values)
