@@ -348,6 +348,21 @@ class SensorReadings:
 
 
 @dataclass(frozen=True)
+class RigidBody:
+    """A hull on four equal wheels without suspension, at the corners of a rectangle.
+
+    Body axes: origin in the middle of the axles at their height, x ahead, y left, z up.
+    """
+
+    wheelbase_m: float
+    track_m: float
+    wheel_radius_m: float
+    wheel_width_m: float
+    centre_of_mass_m: Vector3
+    undersides_m: tuple[tuple[float, float, float, float, float], ...]  # of each box: rear, front, right, left, height
+
+
+@dataclass(frozen=True)
 class Footprint:
     """What the planner must know of the rover's body."""
 
@@ -362,6 +377,7 @@ class Footprint:
     effective_track_ratio: float = 1.6  # skid-steer: kinematic yaw rate over true yaw rate
     wheels: int = 4  # half of them on each side
     climb_height_m: float = 0.08  # lower rocks may be driven over
+    body: RigidBody | None = None  # None: its wheels hang on arms, or nothing is known
 
 
 @dataclass(frozen=True, eq=False)

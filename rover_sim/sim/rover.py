@@ -12,7 +12,7 @@ from rover_sim.sim.wong_reece import WheelShape
 from worlds.errors import ScenarioError
 from worlds.scenario import Camera
 from worlds.strict_toml import Limits, check_limits, convert_table, read_table
-from worlds.types import CameraModel, Footprint, LaserModel, Vector3
+from worlds.types import CameraModel, Footprint, LaserModel, RigidBody, Vector3
 
 _FOLDER = Path(__file__).parent / "rovers"
 CHASSIS = "chassis"  # what wheels and arms sit on if on no arm
@@ -213,7 +213,22 @@ class RoverModel(Table, frozen=True, kw_only=True):
             effective_track_ratio=self.drive.effective_track_ratio,
             wheels=len(self.wheel.positions_m),
             climb_height_m=self.climb_height_m,
+            body=self.rigid_body(),
         )
+
+    def rigid_body(self) -> RigidBody | None:
+        """Hull and wheels as one rigid body; None unless they are four at the corners of a rectangle, without arms."""
+        corners = {(x, y, 0.0) for x in self._ends(0) for y in self._ends(1)}
+        if self.suspension.arm or len(self.wheel.positions_m) != 4 or set(self.wheel.positions_m) != corners:
+            return None
+        if any(sum(self._ends(axis)) != 0.0 for axis in (0, 1)):
+            return None
+        undersides = tuple(
+            (x - length / 2, x + length / 2, y - width / 2, y + width / 2, z - height / 2)
+            for (length, width, height), (x, y, z) in ((box.size_m, box.centre_m) for box in self.chassis.box)
+        )
+        wheel, sizes = self.wheel, (self.wheelbase_m, self.track_m)
+        return RigidBody(*sizes, wheel.radius_m, wheel.width_m, self.centre_of_mass_b, undersides)
 
     def camera(self, camera: Camera) -> CameraModel:
         """The scenario's camera on this rover, on its mast unless the scenario has a height of its own."""
@@ -238,8 +253,12 @@ class RoverModel(Table, frozen=True, kw_only=True):
         return parts + [(self.wheel.mass_kg, position) for position in self.wheel.positions_m]
 
     def _span(self, axis: int) -> float:
+        low, high = self._ends(axis)
+        return high - low
+
+    def _ends(self, axis: int) -> tuple[float, float]:
         values = [position[axis] for position in self.wheel.positions_m]
-        return max(values) - min(values)
+        return min(values), max(values)
 
     def _extent(self, axis: int, wheel_size: float) -> float:
         boxes = [2.0 * abs(box.centre_m[axis]) + box.size_m[axis] for box in self.chassis.box]
