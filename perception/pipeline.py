@@ -6,7 +6,7 @@ grid of the windows. Steps 9 and 10, the paths, belong to the planner.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import cv2
 import numpy as np
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from perception.binarize import Binarized, SingleArray, binarize
 from perception.blobs import Blobs, find_blobs, select
+from perception.depth_rocks import placed_blobs, standing_blobs
 from perception.ground import beyond_horizon, footprint, window_centres, window_ranges
 from perception.knowledge_base import Knowledge, load_knowledge
 from perception.rock_classifier import blob_features, rock_certainty
@@ -145,8 +146,27 @@ def with_second_eye(
         else rock
         for rock in found.rocks
     )
-    placed = tuple(rock.placed for rock in rocks if rock.placed is not None)
-    return replace(found, rocks=rocks, observation=replace(found.observation, rocks=placed))
+    return with_standing(replace(found, rocks=rocks), depth, eyes, knowledge)
+
+
+def with_standing(found: Perception, depth_m: FloatArray, eyes: StereoView, knowledge: Knowledge) -> Perception:
+    """The same with what stands out of the ground by depth alone as further rocks, after those of texture."""
+    assert found.observation is not None
+    blobs, height = standing_blobs(depth_m, found.labels, found.hidden, eyes)
+    shape = outlines(blobs, knowledge.rock.round_ratio)
+    placed = placed_blobs(blobs, shape, depth_m, height, eyes)
+    more = _image_rocks(blobs, shape, np.array([rock.certainty for rock in placed]))
+    first = len(found.rocks)
+    rocks = (
+        *found.rocks,
+        *(replace(rock, id=first + rock.id, placed=place) for rock, place in zip(more, placed, strict=True)),
+    )
+    labels = np.where(blobs.labels > 0, blobs.labels + np.int32(first), found.labels).astype(np.int32)
+    joined = RockOutlines(
+        **{f.name: np.concatenate([getattr(found.outlines, f.name), getattr(shape, f.name)]) for f in fields(shape)}
+    )
+    observed = replace(found.observation, rocks=tuple(rock.placed for rock in rocks if rock.placed is not None))
+    return replace(found, rocks=rocks, labels=labels, mask=labels > 0, outlines=joined, observation=observed)
 
 
 def working_picture(image: ByteArray) -> ByteArray:

@@ -122,28 +122,44 @@ def _rectifying(
 
 def measured_ground(depth_m: FloatArray, labels: IntArray, hidden: BoolArray, eyes: StereoView) -> MeasuredGround:
     """The ground beside rocks, averaged over a small part of the picture around each pixel (H, W)."""
-    fall, over = _points(depth_m, eyes)
+    over, high = point_heights(depth_m, eyes), eyes.view.height_m
     rocks = cv2.dilate((labels > 0).astype(np.uint8), np.ones((_RIM_PX, _RIM_PX), np.uint8)) > 0
     ground = np.isfinite(over) & ~rocks & ~hidden
-    count = cv2.boxFilter(ground.astype(np.float64), -1, _AROUND_PX, normalize=False)
-    total = cv2.boxFilter(np.where(ground, over, 0.0), -1, _AROUND_PX, normalize=False)
-    height = np.where(count >= _LEAST_GROUND_PX, total / np.maximum(count, 1.0), np.nan)
+    height, count = window_mean(over, ground, _AROUND_PX)
+    height = np.where(count >= _LEAST_GROUND_PX, height, np.nan)
     disparity_sd = np.hypot(SHARED_SD_PX, DISPARITY_SD_PX / np.sqrt(np.maximum(count / _BLOCK_PX**2, 1.0)))
-    believed = eyes.view.height_m / np.maximum(fall, 1e-3)
-    sd = np.hypot(_LEVEL_SD_M, disparity_sd * believed * eyes.view.height_m / eyes.focal_baseline)
-    reach = np.hypot(believed, eyes.view.height_m)[ground & np.isfinite(height)]
-    excess = (height**2 - sd**2)[ground & np.isfinite(height)]
-    slope = float(np.sqrt(max(float(np.mean(excess / reach**2)), 0.0))) if len(reach) else np.inf
+    believed = high / np.maximum(_fall(depth_m, eyes), 1e-3)
+    sd = np.hypot(_LEVEL_SD_M, disparity_sd * believed * high / eyes.focal_baseline)
+    known = ground & np.isfinite(height)
+    excess = (height[known] ** 2 - sd[known] ** 2) / (believed[known] ** 2 + high**2)
+    slope = float(np.sqrt(max(float(excess.mean()), 0.0))) if len(excess) else np.inf
     return MeasuredGround(height, sd, over, slope)
 
 
-def _points(depth_m: FloatArray, eyes: StereoView) -> tuple[FloatArray, FloatArray]:
-    """How far the rays of the pixels (H, W) fall a metre of depth, and heights of the points over the plane."""
+def point_heights(depth_m: FloatArray, eyes: StereoView) -> FloatArray:
+    """Heights (H, W) of the points of a depth map over the believed plane, in metres."""
+    return np.asarray(eyes.view.height_m - depth_m * _fall(depth_m, eyes))
+
+
+def disparity_sd_m(depth_m: FloatArray, eyes: StereoView) -> FloatArray:
+    """One sigma (...,) in metres of the height of single points over the ground at depths (...,)."""
+    disparity_sd = np.hypot(SHARED_SD_PX, DISPARITY_SD_PX)
+    return np.asarray(disparity_sd * depth_m * eyes.view.height_m / eyes.focal_baseline)
+
+
+def window_mean(values: FloatArray, which: BoolArray, size_px: tuple[int, int]) -> tuple[FloatArray, FloatArray]:
+    """Mean (H, W) of the ``values`` where ``which`` holds in a window around each pixel, and how many there are."""
+    count = cv2.boxFilter(which.astype(np.float64), -1, size_px, normalize=False)
+    total = cv2.boxFilter(np.where(which, values, 0.0), -1, size_px, normalize=False)
+    return np.asarray(total / np.maximum(count, 1.0)), np.asarray(count)
+
+
+def _fall(depth_m: FloatArray, eyes: StereoView) -> FloatArray:
+    """How far the rays of the pixels (H, W) of a depth map fall under the camera a metre of depth."""
     view = eyes.view
     rays = grid_rays_c(view.camera, (depth_m.shape[0], depth_m.shape[1]))
     normal_c = rotation_from_quaternion(view.pose.quaternion_w).T @ view.plane.normal_w
-    fall = -(rays @ normal_c) / rays[..., 2]
-    return np.asarray(fall), np.asarray(view.height_m - depth_m * fall)
+    return np.asarray(-(rays @ normal_c) / rays[..., 2])
 
 
 def refined(
@@ -198,10 +214,7 @@ def _topped(rock: PerceivedRock, over_m: FloatArray, depth_m: FloatArray, eyes: 
     if rock.cut or seen.sum() < _LEAST_PX or rock.height_sd_m <= 0.0:
         return rock
     top = float(np.quantile(over_m[seen], _TOP_QUANTILE))
-    disparity_sd = np.hypot(SHARED_SD_PX, DISPARITY_SD_PX)
-    sd = np.hypot(
-        disparity_sd * float(np.median(depth_m[seen])) * eyes.view.height_m / eyes.focal_baseline, _TOP_SD * top
-    )
+    sd = np.hypot(float(disparity_sd_m(np.asarray(np.median(depth_m[seen])), eyes)), _TOP_SD * top)
     trust = rock.height_sd_m**2 / (rock.height_sd_m**2 + sd**2)
     height = rock.height_m + trust * (top - rock.height_m)
     return replace(rock, height_m=float(height), height_sd_m=float(np.sqrt(trust) * sd))
