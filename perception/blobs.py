@@ -43,7 +43,7 @@ def measured_blobs(labels: IntArray, min_area_px: int) -> Blobs:
     order = order[area[order] >= min_area_px]
     rank = np.zeros(len(area) + 1, dtype=np.int32)
     rank[order + 1] = np.arange(1, len(order) + 1, dtype=np.int32)
-    labels, area, box = rank[labels], area[order], box[order]
+    labels, area, box = rank.take(labels), area[order], box[order]
     centre, variance, axis = _principal(area, moments[order])
     return Blobs(labels, area, box, centre, variance, axis, _touches(box, labels.shape))
 
@@ -53,7 +53,7 @@ def select(blobs: Blobs, keep: BoolArray) -> Blobs:
     rank = np.zeros(len(blobs) + 1, dtype=np.int32)
     rank[1:][keep] = np.arange(1, int(keep.sum()) + 1, dtype=np.int32)
     return Blobs(
-        rank[blobs.labels],
+        rank.take(blobs.labels),
         blobs.area_px[keep],
         blobs.box_px[keep],
         blobs.centre_px[keep],

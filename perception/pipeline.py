@@ -127,7 +127,8 @@ def on_ground(found: Perception, view: View, time_s: float, knowledge: Knowledge
         view.plane,
     )
     rocks = tuple(
-        rock if place is None else replace(rock, placed=place) for rock, place in zip(found.rocks, placed, strict=True)
+        rock if place is None else ImageRock(**(vars(rock) | {"placed": place}))  # `replace` takes twice as long
+        for rock, place in zip(found.rocks, placed, strict=True)
     )
     return replace(found, rocks=rocks, observation=observation)
 

@@ -18,6 +18,7 @@ from worlds.types import FloatArray, IntArray
 SECTIONS = 9
 _SECTOR_RAD = np.pi / 9.0
 _PROBE_PX = 0.25
+_FAR = 1 << 20  # probes: farther than any picture reaches
 _OUTLINE_QUANTILE = 0.1  # of a blob's columns: a spur of a pixel or two does not move its base
 
 
@@ -85,12 +86,11 @@ def _probe_kernel(
         cos, sin = np.cos(axes[region]), -np.sin(axes[region])  # rows grow downwards
         low, high = _extent(labels, boxes[region], region + 1, centres[region], cos, sin)
         lengths[region] = high - low
-        reach = np.hypot(boxes[region, 2], boxes[region, 3]) + 1.0  # from inside the box to its farthest corner
         for i in range(SECTIONS):
             # The tips are probed half a pixel inside, where the outermost pixels have their centres.
             along = low + 0.5 + (high - low - 1.0) * i / (SECTIONS - 1.0)
             x, y = centres[region, 0] + along * cos, centres[region, 1] + along * sin
-            sections[region, i] = _diameter(labels, region + 1, x, y, -sin, cos, reach)
+            sections[region, i] = _diameter(labels, region + 1, boxes[region], x, y, -sin, cos)
     return lengths, sections
 
 
@@ -109,13 +109,28 @@ def _extent(
 
 
 @numba.njit(cache=True)
-def _diameter(labels: IntArray, label: int, x: float, y: float, dx: float, dy: float, reach: float) -> float:
+def _diameter(labels: IntArray, label: int, box: IntArray, x: float, y: float, dx: float, dy: float) -> float:
     """Distance between the outermost pixels of the region along the line through (x, y); 0 where it misses."""
-    first, last = np.inf, -np.inf
-    steps = int(reach / _PROBE_PX)
-    for step in range(-steps, steps + 1):
-        offset = step * _PROBE_PX
-        column, row = int(np.floor(x + offset * dx)), int(np.floor(y + offset * dy))
-        if 0 <= row < labels.shape[0] and 0 <= column < labels.shape[1] and labels[row, column] == label:
-            first, last = min(first, offset), max(last, offset)
-    return last - first + _PROBE_PX if last >= first else 0.0
+    first, last = _inside(x, dx, box[0], box[0] + box[2])
+    low, high = _inside(y, dy, box[1], box[1] + box[3])
+    first, last = max(first, low), min(last, high)
+    while first <= last and not _hits(labels, label, x + first * _PROBE_PX * dx, y + first * _PROBE_PX * dy):
+        first += 1
+    while first < last and not _hits(labels, label, x + last * _PROBE_PX * dx, y + last * _PROBE_PX * dy):
+        last -= 1
+    return (last - first + 1) * _PROBE_PX if first <= last else 0.0
+
+
+@numba.njit(cache=True)
+def _inside(start: float, slope: float, low: float, high: float) -> tuple[int, int]:
+    """First and last probe of a line that may lie between ``low`` and ``high`` along one axis."""
+    if abs(slope) < 1e-9:
+        return (-_FAR, _FAR) if low <= start <= high else (_FAR, -_FAR)
+    ends = (low - start) / slope / _PROBE_PX, (high - start) / slope / _PROBE_PX
+    return max(int(np.floor(min(ends))), -_FAR), min(int(np.ceil(max(ends))), _FAR)
+
+
+@numba.njit(cache=True)
+def _hits(labels: IntArray, label: int, x: float, y: float) -> bool:
+    column, row = int(np.floor(x)), int(np.floor(y))
+    return bool(0 <= row < labels.shape[0] and 0 <= column < labels.shape[1] and labels[row, column] == label)

@@ -83,28 +83,12 @@ def place_rocks(
     angle_sd = float(np.hypot(know.pixel_sd / view.camera.focal_px, np.deg2rad(know.attitude_sd_deg)))
     sigma = range_sd(reach, view.height_m, angle_sd, know.ground_sd_m, know.slope_sd)
     yaw = np.arctan2(ahead[:, 1], ahead[:, 0])
-    placed: list[PerceivedRock | None] = []
-    for i in range(len(certainty)):
-        if not (reach[i] <= know.max_range_m and size[i] >= know.min_diameter_m):
-            placed.append(None)
-            continue
-        deep = depth[i] > breadth[i]
-        placed.append(
-            PerceivedRock(
-                position_w=(float(centre_w[i, 0]), float(centre_w[i, 1]), float(centre_w[i, 2])),
-                length_m=float(max(breadth[i], depth[i])),
-                width_m=float(min(breadth[i], depth[i])),
-                height_m=float(height[i]),
-                yaw_rad=float(yaw[i] if deep else (yaw[i] + np.pi / 2.0 + np.pi) % (2.0 * np.pi) - np.pi),
-                certainty=float(certainty[i]),
-                formation=int(shape.formation[i]),
-                range_m=float(reach[i]),
-                position_sd_m=float(sigma[i]),
-                cut=bool(cut[i]),
-                height_sd_m=float(height_sd[i]),
-            )
-        )
-    return placed
+    yaw = np.where(depth > breadth, yaw, (yaw + np.pi / 2.0 + np.pi) % (2.0 * np.pi) - np.pi)
+    lengths = np.maximum(breadth, depth), np.minimum(breadth, depth), height
+    columns = (*lengths, yaw, certainty, shape.formation, reach, sigma, cut, height_sd)
+    rows = zip(centre_w.tolist(), *(column.tolist() for column in columns), strict=True)
+    kept = (reach <= know.max_range_m) & (size >= know.min_diameter_m)
+    return [PerceivedRock(tuple(c), *rest) if keep else None for keep, (c, *rest) in zip(kept, rows, strict=True)]
 
 
 def extents(
