@@ -13,11 +13,12 @@ from planner import localization
 from planner.localization import SensorModel
 from rover_sim.autopilot.tuning import tuned_autopilot
 from rover_sim.files import write_text
+from rover_sim.mavlink.faults import Faults
 from rover_sim.mavlink.geodesy import LocalFrame
 from rover_sim.mavlink.mission_file import write_plan, write_waypoints
 from rover_sim.mavlink.narrator import Narrator
 from rover_sim.mavlink.persona import Persona
-from rover_sim.mavlink.stack import open_links
+from rover_sim.mavlink.stack import BadLink, open_links
 from rover_sim.mavlink.vehicle import Vehicle
 from rover_sim.pacing import RealTime
 from rover_sim.sim.mobility_events import MobilityLog
@@ -26,7 +27,7 @@ from rover_sim.sim.rover import RoverModel
 from rover_sim.sim.rover_urdf import wheel_names
 from rover_sim.sim.simulation import Simulation
 from rover_sim.sim.vehicle_state import trace_columns
-from rover_sim.traverse import CONTROL_STEPS, SENSOR_STREAM, STEPS_PER_S, TRACE_STEPS
+from rover_sim.traverse import CONTROL_STEPS, LINK_STREAM, SENSOR_STREAM, STEPS_PER_S, TRACE_STEPS
 from worlds.scenario import dump_scenario
 from worlds.types import World
 
@@ -51,14 +52,21 @@ class LiveRover:
     """A rover in its world on its links; a context manager, as it holds links and a physics client."""
 
     def __init__(
-        self, world: World, rover: RoverModel, persona: Persona, urls: Sequence[str] = (), tlog: Path | None = None
+        self,
+        world: World,
+        rover: RoverModel,
+        persona: Persona,
+        urls: Sequence[str] = (),
+        tlog: Path | None = None,
+        faults: Faults | None = None,
     ) -> None:
         scenario = world.scenario
         self.world = world
         self._footprint = rover.footprint()
         home = (*scenario.rover.start_m, float(world.start.position_w[2]))
         self.autopilot = tuned_autopilot(self._footprint, home, scenario.gravity_m_s2)
-        links, log = open_links(urls, tlog)
+        bad = None if faults is None else BadLink(faults, (world.seed, LINK_STREAM))
+        links, log = open_links(urls, tlog, bad=bad)
         self.vehicle = Vehicle(self.autopilot, LocalFrame(world.origin), links, log, persona)
         try:
             self._simulation = Simulation(world, rover, np.random.default_rng([world.seed, SENSOR_STREAM]))

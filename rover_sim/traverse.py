@@ -17,8 +17,9 @@ from planner.navigator import NavigatorModel
 from rover_sim.autopilot.tuning import tuned_autopilot
 from rover_sim.eyes import eyes
 from rover_sim.given_way import GivenWay, Pilot, Way
+from rover_sim.mavlink.faults import Faults
 from rover_sim.mavlink.mission_file import write_plan, write_waypoints
-from rover_sim.mavlink.stack import MavlinkStack
+from rover_sim.mavlink.stack import BadLink, MavlinkStack
 from rover_sim.onboard import OnboardComputer, Sight
 from rover_sim.outcome import Judge, Limits, Reason
 from rover_sim.pacing import WallClock
@@ -43,7 +44,7 @@ TRACE_STEPS = 10  # trace and judge at 24 Hz
 STEREO_BASELINE_M = 0.12
 LASER_SD_M = 0.02  # that the rover believes of its scanner
 LINK_GRACE_S = 5.0  # the first heartbeats need not have come before
-SENSOR_STREAM, CAMERA_STREAM, LASER_STREAM = 101, 102, 103  # of the seed
+SENSOR_STREAM, CAMERA_STREAM, LASER_STREAM, LINK_STREAM = 101, 102, 103, 104  # of the seed
 
 
 @dataclass(frozen=True)
@@ -51,6 +52,7 @@ class RunOptions:
     """What the user chose beside the scenario."""
 
     connect: tuple[str, ...] = ()
+    faults: Faults | None = None  # of all links, the planner's too
     realtime: bool = False
     any_touch_ends: bool = False  # of an obstacle, by hull or wheel
     way: Way | None = None  # drive this one with closed eyes instead of seeing and planning
@@ -84,7 +86,8 @@ class Traverse:
         home = (*scenario.rover.start_m, float(world.start.position_w[2]))
         self._autopilot = tuned_autopilot(self._footprint, home, scenario.gravity_m_s2)
         self._eyes = eyes(scenario, STEPS_PER_S) if options.way is None else {}
-        self._stack = MavlinkStack(world.origin, self._autopilot, options.connect, tlog)
+        bad = None if options.faults is None else BadLink(options.faults, (world.seed, LINK_STREAM))
+        self._stack = MavlinkStack(world.origin, self._autopilot, options.connect, tlog, bad=bad)
         try:
             self._simulation = Simulation(world, rover, np.random.default_rng([world.seed, SENSOR_STREAM]))
             self._renderer = make_renderer(world, self._simulation.ruts) if "camera" in self._eyes else None

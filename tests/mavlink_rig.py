@@ -8,8 +8,9 @@ from planner.mobility import body_motion
 from rover_sim.autopilot.autopilot import Autopilot
 from rover_sim.mavlink.dialect import Message, Packer, Parser
 from rover_sim.mavlink.endpoint import Link
+from rover_sim.mavlink.faults import Faults
 from rover_sim.mavlink.geodesy import LocalFrame
-from rover_sim.mavlink.memory import Faults, memory_link
+from rover_sim.mavlink.memory import memory_link
 from rover_sim.mavlink.persona import ARDUPILOT, Persona
 from rover_sim.mavlink.streams import GROUND_STATION_RATES
 from rover_sim.mavlink.vehicle import Vehicle

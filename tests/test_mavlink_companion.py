@@ -10,7 +10,8 @@ from rover_sim.mavlink.commander import CommandState
 from rover_sim.mavlink.companion import Companion
 from rover_sim.mavlink.dialect import mavlink
 from rover_sim.mavlink.endpoint import Link
-from rover_sim.mavlink.memory import Faults, memory_link
+from rover_sim.mavlink.faults import Faults
+from rover_sim.mavlink.memory import memory_link
 from rover_sim.mavlink.plan_items import backing_items, mission_items, turning_items
 from rover_sim.mavlink.stack import MavlinkStack
 from rover_sim.mavlink.streams import COMPANION_RATES
@@ -152,7 +153,7 @@ def test_a_silent_vehicle_fails_the_upload_and_the_command() -> None:
     companion = Companion(Link(outer, {}))
     upload = companion.upload([], 0.0)
     command = companion.set_mode(4)
-    for tick in range(200):
+    for tick in range(260):
         companion.tick(tick * 0.1)
     assert (upload.state, upload.reason) == (UploadState.FAILED, "the vehicle does not answer")
     assert (command.state, command.result) == (CommandState.FAILED, None)

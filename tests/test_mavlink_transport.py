@@ -1,12 +1,14 @@
 from __future__ import annotations
 
+import os
 import socket
 
 import numpy as np
 import pytest
 
 from rover_sim.errors import InputError, LinkError
-from rover_sim.mavlink.memory import Faults, memory_link
+from rover_sim.mavlink.faults import Faults
+from rover_sim.mavlink.memory import memory_link
 from rover_sim.mavlink.sockets import bound
 from rover_sim.mavlink.tcp import TcpClient, TcpServer
 from rover_sim.mavlink.transport import Transport, open_link, parse_url
@@ -26,6 +28,7 @@ def receive(link: Transport, least: int = 1) -> list[tuple[str, bytes]]:
 @pytest.mark.parametrize(
     ("text", "says"),
     [
+        ("/dev/ttyUSB0,fast", "speed 'fast'"),
         ("serial0", "unknown kind 'serial0'"),
         ("http://x:80", "unknown kind 'http'"),
         ("udpout:127.0.0.1", "no host"),
@@ -35,7 +38,6 @@ def receive(link: Transport, least: int = 1) -> list[tuple[str, bytes]]:
         ("udpout:127.0.0.1:x", "port 'x'"),
         ("udpin:127.0.0.1:\u0661", "port '\u0661'"),
         ("", "unknown kind ''"),
-        ("/dev/ttyUSB0,57600", "serial links are not supported yet"),
     ],
 )
 def test_a_bad_url_is_one_line_that_says_what_is_allowed(text: str, says: str) -> None:
@@ -53,6 +55,10 @@ def test_good_urls() -> None:
     assert (url.kind, url.host, url.port) == ("udpin", "0.0.0.0", 14550)  # noqa: S104
     assert parse_url("tcp://127.0.0.1:5760").host == "127.0.0.1"
     assert parse_url("udpout:[::1]:14550").host == "::1"
+    for text in ("/dev/ttyUSB0,115200", "serial:/dev/ttyUSB0:115200"):
+        url = parse_url(text)
+        assert (url.kind, url.host, url.port) == ("serial", "/dev/ttyUSB0", 115200)
+    assert parse_url("/dev/ttyACM1").port == 57600
 
 
 def test_port_in_use_and_unknown_host() -> None:
@@ -145,3 +151,58 @@ def test_a_closed_memory_link_has_no_peer() -> None:
     assert there.peers(0.0) == ()
     there.send(b"x", "memory", 0.0)
     here.close()
+
+
+def test_tcp_reconnects_by_the_clock_it_is_given() -> None:
+    server = TcpServer(parse_url("tcpin:127.0.0.1:0"))
+    url = f"127.0.0.1:{server.port}"
+    client = TcpClient(parse_url(f"tcp:{url}"))
+    client.send(b"one", client.peers(0.0)[0], 0.0)
+    assert [data for _, data in receive(server)] == [b"one"]
+    server.close()
+    for _ in range(100_000):
+        client.receive(0.0)
+        if not client.peers(0.0):
+            break
+    for time_s in np.arange(1.0, 5.0, 0.02):
+        client.receive(float(time_s))
+        assert client.peers(time_s) == ()  # nobody listens
+    server = TcpServer(parse_url(f"tcpin:{url}"))
+    for time_s in np.arange(10.0, 2000.0, 0.02):
+        client.receive(float(time_s))
+        if client.peers(time_s):
+            break
+    client.send(b"two", client.peers(0.0)[0], 0.0)
+    assert [data for _, data in receive(server)] == [b"two"]
+    client.close()
+    client.receive(1e6)
+    assert client.peers(1e6) == ()
+    server.close()
+
+
+def test_a_serial_line_both_ways_and_its_end() -> None:
+    host, device = os.openpty()
+    link = open_link(f"{os.ttyname(device)},57600")
+    (peer,) = link.peers(0.0)
+    link.send(b"\xfd\x00\x11\n\r", peer, 0.0)
+    assert os.read(host, 100) == b"\xfd\x00\x11\n\r"  # raw: no byte means anything to the line
+    os.write(host, b"\x03\x04\xff")
+    assert [data for _, data in receive(link)] == [b"\x03\x04\xff"]
+    os.close(device)
+    os.close(host)
+    link.receive(0.0)
+    assert link.peers(0.0) == ()
+    link.close()
+
+
+@pytest.mark.parametrize(
+    ("url", "kind", "says"),
+    [
+        ("/dev/no-such-device,57600", LinkError, "No such file"),
+        ("/dev/null,57600", LinkError, "not a serial device"),
+        ("/dev/null,12345", InputError, "speed 12345"),
+    ],
+)
+def test_a_serial_device_that_is_none(url: str, kind: type[Exception], says: str) -> None:
+    with pytest.raises(kind, match=says):
+        open_link(url)

@@ -250,3 +250,20 @@ def test_fail_safe_is_a_critical_state_and_a_text(yard: Yard, station: Station) 
     beat = station.take("HEARTBEAT")[-1]
     assert (beat.custom_mode, beat.system_status) == (4, 5)
     assert max(message.value for message in station.take("NAMED_VALUE_FLOAT")) > 0.4
+
+
+def test_a_peer_of_mavlink_1_is_answered_in_mavlink_1_until_it_speaks_2(yard: Yard, station: Station) -> None:
+    def first_bytes() -> set[int]:
+        return {message.get_msgbuf()[0] for message in station.heard}
+
+    station.packer.version_1 = True
+    station.heard.clear()
+    yard.ask(station, command(512, 148), "AUTOPILOT_VERSION")
+    yard.step(0.5)
+    assert first_bytes() == {0xFE}
+    assert yard.ask(station, mavlink.MAVLink_param_request_read_message(1, 1, b"NO_SUCH", -1), "PARAM_ERROR") == []
+    station.packer.version_1 = False
+    yard.ask(station, command(512, 148))
+    station.heard.clear()
+    yard.step(0.5)
+    assert first_bytes() == {0xFD}

@@ -51,6 +51,11 @@ def configure(parser: argparse.ArgumentParser) -> None:
         help="serve the rover to a ground station, e.g. udpout:127.0.0.1:14550; repeatable, best with --realtime",
     )
     parser.add_argument(
+        "--link",
+        metavar="FAULTS",
+        help='make all links bad, the planner\'s too, e.g. "loss=0.2,delay=0.3,jitter=0.1,dup=0.02,rate=9600"',
+    )
+    parser.add_argument(
         "--record-video", action="store_true", help="also write camera.mp4: every picture with what was seen in it"
     )
 
@@ -59,6 +64,7 @@ def execute(args: argparse.Namespace) -> int:
     """Run the traverse; 0 if the goal was reached, 1 if not."""
     from rover_sim import run_folder
     from rover_sim.files import output_folder
+    from rover_sim.mavlink.faults import parse_faults
     from rover_sim.sights import Sights
     from rover_sim.sim.rover import load_rover
     from rover_sim.stop_flag import stop_flag
@@ -69,7 +75,8 @@ def execute(args: argparse.Namespace) -> int:
     scenario = load_scenario(args.scenario)
     rover = load_rover(scenario.rover.model)
     folder = args.out or Path("runs") / f"{scenario.name}-{args.seed}"
-    options = RunOptions(connect=tuple(args.connect), realtime=args.realtime)
+    faults = None if args.link is None else parse_faults(args.link)
+    options = RunOptions(connect=tuple(args.connect), faults=faults, realtime=args.realtime)
     with stop_flag() as stopped, _progress_bar(scenario.name, args.seed) as show:
         world = build_world(scenario, args.seed, source=args.scenario)
         for note in world.notes:

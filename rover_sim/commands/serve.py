@@ -35,12 +35,16 @@ def configure(parser: argparse.ArgumentParser) -> None:
             metavar="URL",
             help=f"{what} this link; repeatable (default of both: {' and '.join(DEFAULT_LINKS)})",
         )
+    parser.add_argument(
+        "--link", metavar="FAULTS", help='make all links bad, e.g. "loss=0.2,delay=0.3" (docs/mavlink.md)'
+    )
 
 
 def execute(args: argparse.Namespace) -> int:
     """Serve until Ctrl-C (0), or until the rover leaves the map (1)."""
     from rover_sim import live
     from rover_sim.files import output_folder
+    from rover_sim.mavlink.faults import parse_faults
     from rover_sim.mavlink.persona import PERSONAS as TABLE
     from rover_sim.sim.rover import load_rover
     from rover_sim.stop_flag import stop_flag
@@ -51,6 +55,7 @@ def execute(args: argparse.Namespace) -> int:
     rover = load_rover(scenario.rover.model)
     folder = args.out or Path("runs") / f"serve-{scenario.name}-{args.seed}"
     urls = _urls(args.connect, args.listen)
+    faults = None if args.link is None else parse_faults(args.link)
     with stop_flag() as stopped, _display() as show:
         world = build_world(scenario, args.seed, source=args.scenario)
         for note in world.notes:
@@ -58,7 +63,7 @@ def execute(args: argparse.Namespace) -> int:
         output_folder(folder)
         for name in live.FILES:
             (folder / name).unlink(missing_ok=True)
-        with live.LiveRover(world, rover, TABLE[args.persona], urls, folder / live.TLOG) as vehicle:
+        with live.LiveRover(world, rover, TABLE[args.persona], urls, folder / live.TLOG, faults) as vehicle:
             print(f"rover-sim serve: {args.persona} rover on {', '.join(urls)}; Ctrl-C ends", file=sys.stderr)  # noqa: T201
             inside = vehicle.run(stopped, show)
             vehicle.save(folder)

@@ -11,11 +11,12 @@ from typing import Any
 
 from pymavlink.dialects.v20 import common as mavlink
 
-__all__ = ["Message", "Packer", "Parser", "mavlink"]
+__all__ = ["MAVLINK_1", "MAVLINK_2", "Message", "Packer", "Parser", "mavlink"]
 
 Message = Any  # pymavlink's generated classes carry no types
 
-_HEADER = {0xFE: 6, 0xFD: 10}  # bytes of the MAVLink 1 and 2 header
+MAVLINK_1, MAVLINK_2 = 0xFE, 0xFD  # first byte of a frame
+_HEADER = {MAVLINK_1: 6, MAVLINK_2: 10}  # bytes of the MAVLink 1 and 2 header
 _CHECKSUM = 2
 _SIGNATURE = 13
 _SIGNED = 0x01  # the only incompatibility flag that we understand
@@ -26,10 +27,15 @@ class Packer:
 
     def __init__(self, system: int, component: int) -> None:
         self._mav = mavlink.MAVLink(None, srcSystem=system, srcComponent=component)
+        self.version_1 = False  # for a peer that speaks MAVLink 1 only
+
+    def knows(self, message: Message) -> bool:
+        """Whether the message can be sent: MAVLink 1 has 256 of them."""
+        return not self.version_1 or message.id <= 255
 
     def pack(self, message: Message) -> bytes:
         """The frame of a message; a message object may be packed any number of times."""
-        frame: bytes = message.pack(self._mav)
+        frame: bytes = message.pack(self._mav, force_mavlink1=self.version_1)
         self._mav.seq = (self._mav.seq + 1) % 256
         return frame
 
@@ -87,7 +93,7 @@ def _frame_length(data: bytes, at: int) -> int | None:
     if len(data) < at + header:
         return None
     length = header + data[at + 1] + _CHECKSUM
-    if header == _HEADER[0xFD]:
+    if header == _HEADER[MAVLINK_2]:
         if data[at + 2] & ~_SIGNED:
             return 0
         length += _SIGNATURE if data[at + 2] & _SIGNED else 0

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from rover_sim.mavlink.dialect import Message, Packer, Parser, mavlink
+from rover_sim.mavlink.dialect import MAVLINK_2, Message, Packer, Parser, mavlink
 from rover_sim.mavlink.streams import Streams
 from rover_sim.mavlink.tlog import TlogWriter
 from rover_sim.mavlink.transport import Transport
@@ -37,6 +37,14 @@ class Channel:
     parser: Parser
     streams: Streams
     simulator: Packer
+    heard_version: int | None = None  # first byte of its frames
+
+    def note_version(self, message: Message) -> None:
+        """Speak MAVLink 1 to a peer that begins so, until it shows that it knows MAVLink 2."""
+        version = int(message.get_msgbuf()[0])
+        if self.heard_version not in (version, MAVLINK_2):
+            self.heard_version = version
+            self.packer.version_1 = self.simulator.version_1 = version != MAVLINK_2
 
 
 class Client(NamedTuple):
@@ -87,6 +95,7 @@ class Endpoint:
                     continue
                 read = channel.parser.stream if link.transport.is_stream else channel.parser.datagram
                 for message in read(data):
+                    channel.note_version(message)
                     self._record(message, time_s)
                     if self._is_for_us(message):
                         heard.append((Client(channel, message.get_srcSystem(), message.get_srcComponent()), message))
@@ -135,7 +144,8 @@ class Endpoint:
             del self._channels[key]
 
     def _send(self, channel: Channel, message: Message) -> None:
-        channel.link.transport.send(channel.packer.pack(message), channel.peer, self.time_s)
+        if channel.packer.knows(message):
+            channel.link.transport.send(channel.packer.pack(message), channel.peer, self.time_s)
 
     def _record(self, message: Message, time_s: float) -> None:
         if self._tlog is not None:

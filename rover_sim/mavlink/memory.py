@@ -1,20 +1,12 @@
-"""A link inside the process, on the simulation clock, with seeded loss and delay where wanted."""
+"""A link inside the process, on the simulation clock, with seeded faults where wanted."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
+from rover_sim.mavlink.faults import Faults, Lane
+
 _PEER = "memory"
-
-
-@dataclass(frozen=True)
-class Faults:
-    """What a link does to its frames; each frame is lost or delayed on its own, in order."""
-
-    loss: float = 0.0  # probability
-    delay_s: float = 0.0
 
 
 class MemoryEnd:
@@ -22,10 +14,8 @@ class MemoryEnd:
 
     is_stream = False
 
-    def __init__(self, faults: Faults, rng: np.random.Generator | None) -> None:
-        self._faults = faults
-        self._rng = rng
-        self._arriving: list[tuple[float, bytes]] = []
+    def __init__(self, inbound: Lane) -> None:
+        self._inbound = inbound
         self.other: MemoryEnd | None = None
 
     def peers(self, time_s: float) -> tuple[str, ...]:  # noqa: ARG002  (the interface passes the time)
@@ -34,15 +24,12 @@ class MemoryEnd:
 
     def send(self, frame: bytes, peer: str, time_s: float) -> None:  # noqa: ARG002
         """Put the frame on its way."""
-        lost = self._rng is not None and self._rng.random() < self._faults.loss
-        if self.other is not None and not lost:
-            self.other._arriving.append((time_s + self._faults.delay_s, frame))  # noqa: SLF001  (its own twin)
+        if self.other is not None:
+            self.other._inbound.put(frame, time_s)  # noqa: SLF001  (its own twin)
 
     def receive(self, time_s: float) -> list[tuple[str, bytes]]:
         """Frames that have arrived by now."""
-        due = [frame for at, frame in self._arriving if at <= time_s]
-        self._arriving = [(at, frame) for at, frame in self._arriving if at > time_s]
-        return [(_PEER, frame) for frame in due]
+        return [(_PEER, frame) for frame in self._inbound.take(time_s)]
 
     def close(self) -> None:
         """Cut the link for both ends."""
@@ -52,10 +39,8 @@ class MemoryEnd:
 
 
 def memory_link(faults: Faults | None = None, rng: np.random.Generator | None = None) -> tuple[MemoryEnd, MemoryEnd]:
-    """Both ends of a new link; a lossy one needs the generator that draws its losses."""
+    """Both ends of a new link; random faults need the generator that draws them."""
     faults = faults or Faults()
-    if faults.loss > 0.0 and rng is None:
-        raise ValueError("a lossy link needs a random generator")
-    one, other = MemoryEnd(faults, rng), MemoryEnd(faults, rng)
+    one, other = MemoryEnd(Lane(faults, rng)), MemoryEnd(Lane(faults, rng))
     one.other, other.other = other, one
     return one, other

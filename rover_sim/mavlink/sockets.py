@@ -53,6 +53,15 @@ def connected(url: LinkUrl, kind: socket.SocketKind, timeout_s: float) -> socket
     return link
 
 
+def connecting(url: LinkUrl) -> socket.socket:
+    """Non-blocking TCP socket on its way to the URL's host and port; writable once that has worked or failed."""
+    family, address = resolve(url, socket.SOCK_STREAM)
+    link = socket.socket(family, socket.SOCK_STREAM)
+    link.setblocking(False)
+    link.connect_ex(address)
+    return link
+
+
 def name(address: Address) -> str:
     """A peer's name."""
     return f"{address[0]}:{address[1]}"

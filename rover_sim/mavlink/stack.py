@@ -4,11 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from contextlib import ExitStack
+from dataclasses import dataclass
 from pathlib import Path
+
+import numpy as np
 
 from rover_sim.autopilot.autopilot import Autopilot
 from rover_sim.mavlink.companion import Companion
 from rover_sim.mavlink.endpoint import Link
+from rover_sim.mavlink.faults import Faults
+from rover_sim.mavlink.faulty import FaultyLink
 from rover_sim.mavlink.geodesy import LocalFrame
 from rover_sim.mavlink.memory import memory_link
 from rover_sim.mavlink.narrator import Narrator
@@ -20,15 +25,32 @@ from worlds.scenario import Origin
 from worlds.types import PoseEstimate, SensorReadings
 
 
+@dataclass(frozen=True)
+class BadLink:
+    """Faults for all links, and the seed that draws them."""
+
+    faults: Faults
+    seed: tuple[int, ...]
+
+    def rng(self, number: int) -> np.random.Generator:
+        """The randomness of one link."""
+        return np.random.default_rng([*self.seed, number])
+
+
 def open_links(
-    urls: Sequence[str], tlog: Path | None = None, epoch_s: float = SIMULATED_EPOCH_S
+    urls: Sequence[str],
+    tlog: Path | None = None,
+    epoch_s: float = SIMULATED_EPOCH_S,
+    bad: BadLink | None = None,
 ) -> tuple[list[Link], Link | None]:
     """A link to ground stations for each URL, and the log; if one cannot be opened, those before are closed again."""
     links = []
     with ExitStack() as undo:
-        for url in urls:
+        for number, url in enumerate(urls, start=1):
             transport = open_link(url)
             undo.callback(transport.close)
+            if bad is not None:
+                transport = FaultyLink(transport, bad.faults, bad.rng(number))
             links.append(Link(transport, GROUND_STATION_RATES, hears_simulator=True))
         writer = None if tlog is None else TlogWriter(tlog, epoch_s)
         undo.pop_all()  # all are open: from here on the vehicle's `close` is responsible
@@ -36,7 +58,7 @@ def open_links(
 
 
 class MavlinkStack:
-    """Vehicle and companion on a memory link, and one more link for each URL.
+    """Vehicle and companion on a memory link, and one more link for each URL; all of them bad where wanted.
 
     Raises InputError or LinkError if a link cannot be opened; those opened before are closed again.
     """
@@ -48,10 +70,11 @@ class MavlinkStack:
         connect: Sequence[str] = (),
         tlog: Path | None = None,
         epoch_s: float = SIMULATED_EPOCH_S,
+        bad: BadLink | None = None,
     ) -> None:
         self.frame = LocalFrame(origin)
-        inner, outer = memory_link()
-        stations, log = open_links(connect, tlog, epoch_s)
+        inner, outer = memory_link() if bad is None else memory_link(bad.faults, bad.rng(0))
+        stations, log = open_links(connect, tlog, epoch_s, bad)
         links = [Link(inner, COMPANION_RATES), *stations]
         self.vehicle = Vehicle(autopilot, self.frame, links, log)
         self.narrator = Narrator(self.vehicle.endpoint)

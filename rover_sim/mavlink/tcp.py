@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import math
+import select
 import socket
 
-from rover_sim.mavlink.sockets import CHUNK_BYTES, bound, connected, name
+from rover_sim.mavlink.sockets import CHUNK_BYTES, bound, connected, connecting, name
 from rover_sim.mavlink.transport import LinkUrl
 
 _CONNECT_S = 3.0
+_AGAIN_S = 1.0
 _MOST_CLIENTS = 32
 _MOST_UNSENT_BYTES = 262144  # a peer that stops reading is cut off, as a dead one
 
@@ -88,12 +91,44 @@ class _TcpLink:
 
 
 class TcpClient(_TcpLink):
-    """One connection to a server; it is not renewed once it breaks."""
+    """One connection to a server; once it breaks it is tried anew every second."""
 
     def __init__(self, url: LinkUrl) -> None:
         super().__init__()
-        link = connected(url, socket.SOCK_STREAM, _CONNECT_S)
+        self._url = url
+        self._pending: socket.socket | None = None
+        self._try_s = -math.inf
+        self._adopt(connected(url, socket.SOCK_STREAM, _CONNECT_S))
+
+    def receive(self, time_s: float) -> list[tuple[str, bytes]]:
+        """Bytes since the last call; a lost connection is renewed in here, without blocking."""
+        if not self.peers(time_s):
+            self._reconnect(time_s)
+        return super().receive(time_s)
+
+    def close(self) -> None:
+        """Close the connection for good."""
+        self._try_s = math.inf
+        if self._pending is not None:
+            self._pending.close()
+            self._pending = None
+        super().close()
+
+    def _adopt(self, link: socket.socket) -> None:
         self._connections[name(link.getpeername())] = _Connection(link)
+
+    def _reconnect(self, time_s: float) -> None:
+        if self._pending is not None and select.select([], [self._pending], [], 0.0)[1]:
+            link, self._pending = self._pending, None
+            if link.getsockopt(socket.SOL_SOCKET, socket.SO_ERROR) == 0:
+                self._adopt(link)
+            else:
+                link.close()
+        elif time_s >= self._try_s:
+            if self._pending is not None:
+                self._pending.close()
+            self._try_s = time_s + _AGAIN_S
+            self._pending = connecting(self._url)
 
 
 class TcpServer(_TcpLink):

@@ -7,7 +7,8 @@ from typing import Protocol
 
 from rover_sim.errors import InputError
 
-ALLOWED_URLS = "udpin:HOST:PORT, udpout:HOST:PORT, tcp:HOST:PORT or tcpin:HOST:PORT"
+ALLOWED_URLS = "udpin:HOST:PORT, udpout:HOST:PORT, tcp:HOST:PORT, tcpin:HOST:PORT or /dev/DEVICE,SPEED"
+_DEFAULT_SPEED = "57600"
 
 
 class Transport(Protocol):
@@ -43,15 +44,15 @@ class LinkUrl:
     """A parsed link URL."""
 
     text: str
-    kind: str  # udpin | udpout | tcp | tcpin
-    host: str
-    port: int
+    kind: str  # udpin | udpout | tcp | tcpin | serial
+    host: str  # or the device
+    port: int  # or the speed, baud
 
 
 def parse_url(text: str) -> LinkUrl:
     """Parse ``KIND:HOST:PORT``; raises InputError that names the URL and what is allowed."""
-    if text.startswith(("/dev/", "COM", "serial:")):
-        raise InputError(f"link {text!r}: serial links are not supported yet; allowed: {ALLOWED_URLS}")
+    if text.startswith(("/dev/", "serial:/")):
+        return _serial_url(text)
     kind, _, rest = text.partition(":")
     host, _, port = rest.rpartition(":")
     if kind not in ("udpin", "udpout", "tcp", "tcpin"):
@@ -65,11 +66,22 @@ def parse_url(text: str) -> LinkUrl:
     return LinkUrl(text, kind, host, int(port))
 
 
+def _serial_url(text: str) -> LinkUrl:
+    """``/dev/DEVICE,SPEED`` or ``serial:/dev/DEVICE:SPEED``; 57600 baud where no speed is given."""
+    rest = text.removeprefix("serial:").replace(",", ":", 1)
+    device, _, speed = rest.partition(":")
+    speed = speed or _DEFAULT_SPEED
+    if not (speed.isascii() and speed.isdigit()):
+        raise InputError(f"link {text!r}: speed {speed!r}; allowed: a standard one such as 57600 or 115200")
+    return LinkUrl(text, "serial", device, int(speed))
+
+
 def open_link(text: str) -> Transport:
     """Open the link of a URL.
 
     Raises InputError (bad URL, unknown host) or LinkError (port in use, nobody answers), one line naming the URL.
     """
+    from rover_sim.mavlink.serial_port import SerialPort
     from rover_sim.mavlink.tcp import TcpClient, TcpServer
     from rover_sim.mavlink.udp import UdpIn, UdpOut
 
@@ -81,5 +93,7 @@ def open_link(text: str) -> Transport:
             return UdpOut(url)
         case "tcpin":
             return TcpServer(url)
+        case "serial":
+            return SerialPort(url)
         case _:
             return TcpClient(url)
