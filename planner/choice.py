@@ -6,7 +6,7 @@ names a sub-goal on the way out and the row search is made towards that one.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -18,11 +18,13 @@ from planner.room import turn_range
 from planner.row_search import Candidate, EndCost, RowModel, RowSearch, Task, search
 from planner.terrain_map import TerrainMemory
 from planner.traversability import PathFeatures, TraversabilityRules, traversability
+from worlds.geometry import wrap_angle
 from worlds.types import FloatArray, Footprint
 
 SUB_GOALS_M = (6.5, 4.5, 3.0, 2.0, 1.2)  # along the field's way, tried in turn
 AHEAD_M = (1.8, 1.0)  # to make room
 SQUEEZE_SHARE, SQUEEZE_M = 1.1, 2.0  # cost of a way through narrow gaps against one that keeps the whole margin
+TURN_M = 1.0  # of way that a radian of turning on the spot costs where an old way is compared with a new one
 WORTH_M = 4.0  # metres of way that full traversability is worth when candidates are compared
 
 
@@ -61,6 +63,7 @@ class Choice:
     squeeze: bool  # with the narrow margin
     enclosed: bool  # no way at all through what is remembered
     reason: str
+    to_go: EndCost | None = None  # what is still to go from a place; None: the straight distance
 
 
 def choose(memory: TerrainMemory, table_w: FloatArray, place: Place, models: Models, *, detour: bool) -> Choice:
@@ -84,21 +87,29 @@ def choose(memory: TerrainMemory, table_w: FloatArray, place: Place, models: Mod
             continue
         choice = _round(memory, table_w, place, models, fields[squeeze], here, squeeze=squeeze)
         if choice is not None:
-            return choice
+            return replace(choice, to_go=fields[True].at)
     enclosed = not np.isfinite(narrow)
     if not enclosed:
         ahead = _ahead(memory, table_w, place, models, fields[True], narrow)
         if ahead is not None:
-            return ahead
+            return replace(ahead, to_go=fields[True].at)
     row = straight.blocked_row if straight is not None else None
     where = f"row {row} ahead is blocked" if row is not None else "no row is free"
     return Choice(None, 0.0, (), (), detour=True, squeeze=True, enclosed=enclosed, reason=where)
 
 
 def way_cost(
-    waypoints_w: FloatArray, memory: TerrainMemory, table_w: FloatArray, place: Place, models: Models
+    waypoints_w: FloatArray,
+    memory: TerrainMemory,
+    table_w: FloatArray,
+    place: Place,
+    models: Models,
+    to_go: EndCost | None = None,
 ) -> float:
-    """Cost of any polyline, in metres of way, the straight rest to the goal included: to compare old and new ways."""
+    """Cost of any polyline in metres of way, with the first turn and the rest to the goal, straight without ``to_go``.
+
+    To compare old and new ways.
+    """
     points = dense(waypoints_w, 0.25)
     low, high = points.min(axis=0) - 0.1, points.max(axis=0) + 0.1
     shape = (max(2, int(np.ceil((high[0] - low[0]) / 0.15))), max(2, int(np.ceil((high[1] - low[1]) / 0.15))))
@@ -114,8 +125,16 @@ def way_cost(
     metre = 1.0 + rows.hill_cost * grid.hill[index[:, 0], index[:, 1]] + rows.near_cost * close**2
     metre += rows.rough_cost * rough + rows.unseen_cost * ~seen
     length = float(np.linalg.norm(np.diff(waypoints_w, axis=0), axis=1).sum())
-    rest = float(np.linalg.norm(waypoints_w[-1] - np.asarray(place.goal_w)))
-    return length * float(metre.mean()) + rest
+    end = waypoints_w[-1]
+    rest = float(np.linalg.norm(end - np.asarray(place.goal_w)) if to_go is None else to_go(end[None])[0])
+    return length * float(metre.mean()) + rest + TURN_M * abs(turn_onto(waypoints_w, place))
+
+
+def turn_onto(way_w: FloatArray, place: Place) -> float:
+    """Angle from the rover's heading to where a way (N, 2) leads in its first half metre, or half second more."""
+    arcs = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(way_w, axis=0), axis=1))])
+    ahead = [np.interp(0.5 + 0.5 * place.speed_m_s, arcs, way_w[:, axis]) - place.position_w[axis] for axis in (0, 1)]
+    return wrap_angle(float(np.arctan2(ahead[1], ahead[0])) - place.heading_rad)
 
 
 def dense(waypoints_w: FloatArray, spacing_m: float) -> FloatArray:

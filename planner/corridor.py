@@ -16,7 +16,6 @@ from planner.laser_kernels import cheapest_way, line_cost, pull_taut
 from planner.laser_map import CELL_M, LaserMap, Layer
 from planner.obstacle_map import MAX_CLEARANCE_M, DriveModel, obstacle_grid
 from planner.row_search import Candidate
-from worlds.geometry import wrap_angle
 from worlds.types import FloatArray, Footprint
 
 
@@ -130,13 +129,6 @@ def _let_leave(cost: FloatArray, clearance: Layer, here: FloatArray) -> None:
     window = np.s_[max(i - reach, 0) : i + reach + 1, max(j - reach, 0) : j + reach + 1]
     part = cost[window]
     part[~np.isfinite(part) & (clearance[window] >= min(clearance[i, j], 0.25) - 1e-6)] = 20.0
-
-
-def turn_onto(way_w: FloatArray, place: Place) -> float:
-    """Angle from the rover's heading to where a way (N, 2) leads in its first half metre, or half second more."""
-    arcs = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(way_w, axis=0), axis=1))])
-    ahead = [np.interp(0.5 + 0.5 * place.speed_m_s, arcs, way_w[:, axis]) - place.position_w[axis] for axis in (0, 1)]
-    return wrap_angle(float(np.arctan2(ahead[1], ahead[0])) - place.heading_rad)
 
 
 def choose_way(found: Corridor, place: Place, *, detour: bool = False) -> Choice:

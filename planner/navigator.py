@@ -7,8 +7,8 @@ from typing import Literal
 
 import numpy as np
 
-from planner.choice import Choice, Models, Place, choose, way_cost
-from planner.corridor import Corridor, SpeedModel, choose_way, corridor, turn_onto
+from planner.choice import Choice, Models, Place, choose, turn_onto, way_cost
+from planner.corridor import Corridor, SpeedModel, choose_way, corridor
 from planner.ground_cells import driven_view
 from planner.laser_map import LaserMap
 from planner.obstacle_map import NO_OBSTACLES, Area, fence, obstacles, segment_clearance
@@ -34,7 +34,7 @@ class NavigatorModel:
     """How long a way is kept and when the navigator gives up."""
 
     memory: MemoryModel = MemoryModel()  # noqa: RUF009 - frozen
-    keep_gain_m: float = 0.6  # a new way must be better by this
+    keep_gain_m: float = 1.0  # a new way must be better by this
     keep_share: float = 0.06  # and by this share
     extend_below_m: float = 3.8  # a way that ends sooner, and not at the goal, is renewed
     off_way_m: float = 0.45
@@ -53,6 +53,7 @@ class Decision:
     reason: str
     waypoints_w: FloatArray = field(default_factory=lambda: np.zeros((0, 2)))  # (N, 2) from the rover on
     changed: bool = False  # the waypoints are not those of the decision before
+    narrow: bool = False  # drive: with the smaller margin
     traversability: float = 0.0
     candidates: tuple[Candidate, ...] = ()
     scores: tuple[float, ...] = ()  # traversability of each candidate
@@ -272,6 +273,7 @@ def _fresh(choice: Choice) -> Decision:
         choice.reason,
         choice.way.waypoints_w,
         changed=True,
+        narrow=choice.squeeze,
         traversability=choice.traversability,
         candidates=choice.candidates,
         scores=choice.scores,
@@ -287,13 +289,13 @@ def _still_good(
         return False
     ends_at_goal = np.hypot(*(rest[-1] - state.goal_w)) < 0.1
     whole = 0.0 if state.way is None else _length(state.way.waypoints_w)
+    narrow = state.way is not None and state.way.narrow
     if not ends_at_goal and _length(rest) < min(model.extend_below_m, 0.5 * whole):
         return False
-    need = models.drive.need_m(models.footprint, squeeze=choice.squeeze) - model.wobble_m
+    need = models.drive.need_m(models.footprint, squeeze=choice.squeeze or narrow) - model.wobble_m
     if segment_clearance(table, rest).min(initial=np.inf) < need:
         return False
-    old = way_cost(rest, state.memory, table, place, models)
-    new = way_cost(fresh.waypoints_w, state.memory, table, place, models)
+    old, new = (way_cost(way, state.memory, table, place, models, choice.to_go) for way in (rest, fresh.waypoints_w))
     return old < new + model.keep_gain_m + model.keep_share * new
 
 
