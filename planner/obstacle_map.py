@@ -34,7 +34,7 @@ class DriveModel:
     sure_certainty: float = 0.35  # rocks less likely than this only cost
     touching: float = 1.1  # two rocks nearer than the sum of their radii times this are pieces of one
     sd_share: float = 0.5  # of a rock's position error added to its berth
-    most_sd_m: float = 0.08  # at most: a gap that looks closed from afar may open near by
+    most_sd_m: float = 0.10  # at most: a gap that looks closed from afar may open near by
     sure_sd_m: float = 0.30  # a rock whose place is less certain only costs: a nearer look will place it
 
     def need_m(self, footprint: Footprint, *, squeeze: bool = False) -> float:
