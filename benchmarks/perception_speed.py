@@ -19,6 +19,7 @@ import cv2
 import numpy as np
 
 from perception.binarize import binarize
+from perception.class_definition import WINDOW_PX
 from perception.ground import beyond_horizon
 from perception.knowledge_base import Knowledge, load_knowledge
 from perception.pipeline import View, classify_blobs, examine, on_ground, perceive, smoothed, working_picture
@@ -26,7 +27,7 @@ from perception.rock_geometry import outlines
 from perception.soil_reference import even_light, soil_reference
 from perception.terrain_class import classify
 from perception.texture import window_texture
-from perception.window_features import WINDOW_PX, window_features
+from perception.window_features import window_features
 from rover_sim.learning.rendered_views import make_world, rendered_views
 from worlds.geometry import camera_pose, quaternion_from_euler
 from worlds.types import ByteArray, CameraModel, Frame, GroundPlane, Pose

@@ -3,10 +3,10 @@
     OMP_NUM_THREADS=1 uv run python benchmarks/rendered_classes.py [--learn 36] [--score 18] [--out FILE.toml]
 
 Worlds of the learning and of the scored set take the nine pairs of sun and texture in turn, with seeds of their own;
-three pictures each. Scored: rules from all learning worlds; and, for each sun and each texture, rules from the
-learning worlds without it on the scored worlds with it. ``--out`` writes the rules from the learning worlds into the
-shipped ``rendered`` knowledge. The rock evidence behind the features is the shipped one; it was taught on sand under
-other suns. "rocks only" is the score against labels that take pebbles for soil.
+three pictures each. Scored: clast evidence and rules from all learning worlds; and, for each sun and each texture,
+both from the learning worlds without it on the scored worlds with it. ``--out`` writes what the learning worlds taught
+into the shipped ``rendered`` knowledge. The rock evidence behind the features is the shipped one; it was taught on sand
+under other suns. Last comes how many of the true clasts of each size have most of their pixels found.
 """
 
 from __future__ import annotations
@@ -14,74 +14,91 @@ from __future__ import annotations
 import argparse
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 from typing import get_args
 
 import numpy as np
 
-from perception.knowledge_base import Knowledge, load_knowledge
+from perception.clasts import clast_chance, redness
+from perception.knowledge_base import CLAST_INPUTS, PAPER_INPUTS, ClastKnowledge, Knowledge, load_knowledge
+from perception.learn_clasts import ClastExample, clasts_toml, learn_clasts
 from perception.pipeline import View, examine
-from perception.ttam import ttam
+from perception.window_features import STONE_CUTS, WindowSource, window_features
 from rover_sim.learning.grid import (
     EMPHASIS,
     GridSample,
     Letters,
-    grid_sample,
     judge,
     learn_rules,
     summary,
     with_rules,
     write_rules,
 )
-from rover_sim.learning.knowledge_text import knowledge_text
+from rover_sim.learning.knowledge_text import knowledge_text, replace_tables
 from rover_sim.learning.rendered_views import make_world, rendered_views
-from rover_sim.scoring import true_classes
+from rover_sim.scoring import FAR_M, resolved, true_classes
 from worlds.scenario import GroundTexture
+from worlds.types import BoolArray, FloatArray, IntArray
 
 SUNS_DEG = {"high": (60.0, 55.0), "middle": (200.0, 32.0), "low": (310.0, 18.0)}
 TEXTURES: tuple[GroundTexture, ...] = get_args(GroundTexture)
 FIRST_LEARNED, FIRST_SCORED = 3001, 7001  # 5001 to 5027 served to develop this
 PICTURES, ROUGHNESS_M = 3, 0.06
 PENALTY = 0.03  # there are a dozen times the windows of the hand labels
+SIZES_PX = (4, 5, 6, 8, 12, 16, 25, 50, 100_000)
 
 
 @dataclass(frozen=True, eq=False)
 class Labelled:
-    """Windows of one picture, its sun and texture, and the letters with pebbles taken for soil."""
+    """One picture: its sun and texture, what its windows are judged by, and the truth."""
 
     sun: str
     texture: str
-    sample: GridSample
-    rocks_only: Letters
+    windows: WindowSource
+    features: dict[str, FloatArray]  # (192,) each, all that need no clast evidence
+    letters: Letters  # (192,)
+    clasts: IntArray  # (H, W) ids of rocks and pebbles
+    near: BoolArray  # (H, W)
 
 
 def gather(first_seed: int, worlds: int, know: Knowledge) -> list[Labelled]:
     """Pictures of ``worlds`` worlds."""
     pairs = [(sun, texture) for texture in TEXTURES for sun in SUNS_DEG]
+    names = tuple(n for n in (*know.terrain_rules.input_names, *PAPER_INPUTS) if n not in CLAST_INPUTS)
     found = []
     for index in range(worlds):
         sun, texture = pairs[index % len(pairs)]
         world = make_world(first_seed + index, ROUGHNESS_M, SUNS_DEG[sun], texture)
         for view in rendered_views(world, PICTURES):
-            frame = view.frame
+            frame, truth = view.frame, view.truth
             assert frame.camera_pose is not None
             assert frame.ground is not None
             windows = examine(frame.image, know, View(frame.camera, frame.camera_pose, frame.ground)).windows
-            letters = true_classes(view.clasts, view.truth.depth_m)
-            sample = grid_sample(f"{first_seed + index}", windows, letters, know)
-            found.append(Labelled(sun, texture, sample, true_classes(view.truth.ids, view.truth.depth_m).ravel()))
+            features = {name: values.ravel() for name, values in window_features(windows, names).items()}
+            letters = true_classes(view.clasts, truth.depth_m).ravel()
+            near = np.asarray(truth.depth_m <= FAR_M)
+            found.append(Labelled(sun, texture, windows, features, letters, view.clasts, near))
     return found
 
 
-def rules_from(views: Sequence[Labelled], know: Knowledge, *, rocks_only: bool = False) -> Knowledge:
-    """``know`` with rules from these pictures."""
-    samples = [replace(v.sample, letters=v.rocks_only) if rocks_only else v.sample for v in views]
-    return with_rules(know, learn_rules(samples, know, EMPHASIS, PENALTY))
+def clasts_from(views: Sequence[Labelled]) -> ClastKnowledge:
+    """Clast evidence from these pictures."""
+    return learn_clasts([ClastExample(v.windows, resolved(v.clasts), v.near) for v in views])
 
 
-def show(title: str, views: Sequence[Labelled], know: Knowledge) -> None:
-    """Print TTAM of both methods."""
-    rows = [judge(v.sample, know) for v in views]
+def sample(view: Labelled, clasts: ClastKnowledge, know: Knowledge) -> GridSample:
+    """All features of a picture, those of clasts by ``clasts``."""
+    asked = tuple(n for n in know.terrain_rules.input_names if n in CLAST_INPUTS)
+    stones = window_features(replace(view.windows, clasts=clasts), asked)
+    return GridSample("", {**view.features, **{n: stones[n].ravel() for n in asked}}, view.letters)
+
+
+def show(title: str, learned: Sequence[Labelled], scored: Sequence[Labelled], know: Knowledge) -> None:
+    """Learn and print TTAM of both methods."""
+    clasts = clasts_from(learned)
+    rules = with_rules(know, learn_rules([sample(v, clasts, know) for v in learned], know, EMPHASIS, PENALTY))
+    rows = [judge(sample(v, clasts, know), rules) for v in scored]
     best, faithful = (summary(rows, method) for method in ("best", "faithful"))
     recall = " ".join(f"{letter} {value:.2f}" for letter, value in best["recall"].items())
     print(
@@ -89,6 +106,32 @@ def show(title: str, views: Sequence[Labelled], know: Knowledge) -> None:
         f"({faithful['ttam_without_u']:.1f}); recall {recall}",
         flush=True,
     )
+
+
+def write(path: Path, learned: Sequence[Labelled], know: Knowledge) -> None:
+    """The shipped knowledge with what these pictures taught."""
+    clasts = clasts_from(learned)
+    tables = learn_rules([sample(v, clasts, know) for v in learned], know, EMPHASIS, PENALTY)
+    write_rules(path, replace_tables(knowledge_text("rendered"), {"clasts": clasts_toml(clasts)}), tables)
+
+
+def show_clasts(learned: Sequence[Labelled], scored: Sequence[Labelled]) -> None:
+    """Print how well pixels of clasts are found, and clasts by size."""
+    know, cut = clasts_from(learned), STONE_CUTS["stones"]
+    both = either = 0
+    sizes, shares = list[int](), list[float]()
+    for view in scored:
+        w, true = view.windows, resolved(view.clasts) & view.near
+        found = (clast_chance(redness(w.picture, w.hidden), w.grey, w.score, w.hidden, know) > cut) & view.near
+        both, either = both + int((found & true).sum()), either + int((found | true).sum())
+        ids, area = np.unique(view.clasts[true], return_counts=True)
+        hit = np.bincount(view.clasts[true & found], minlength=int(ids.max(initial=0)) + 1)
+        sizes += area.tolist()
+        shares += (hit[ids] / area).tolist()
+    print(f"pixels of clasts: IoU {both / either:.3f}")
+    for low, high in pairwise(SIZES_PX):
+        own = [share for size, share in zip(sizes, shares, strict=True) if low <= size < high]
+        print(f"  {low:3d} px and more: {len(own):5d} clasts, {np.mean(np.array(own) > 0.5):.2f} found")
 
 
 def main() -> None:
@@ -99,23 +142,18 @@ def main() -> None:
     parser.add_argument("--out", type=Path, metavar="FILE.toml")
     arguments = parser.parse_args()
     know = load_knowledge("rendered")
-    learned, scored = gather(FIRST_LEARNED, arguments.learn, know), gather(FIRST_SCORED, arguments.score, know)
-    rules = rules_from(learned, know)
+    learned = gather(FIRST_LEARNED, arguments.learn, know)
     if arguments.out is not None:
-        tables = learn_rules([v.sample for v in learned], know, EMPHASIS, PENALTY)
-        write_rules(arguments.out, knowledge_text("rendered"), tables)
-    show("all suns and textures learned", scored, rules)
-    print(np.array(summary([judge(v.sample, rules) for v in scored], "best")["confusion"]))
-    by_rocks = rules_from(learned, know, rocks_only=True)
-    found = np.concatenate([judge(v.sample, by_rocks).found["best"] for v in scored])
-    true = np.concatenate([v.rocks_only for v in scored])
-    print(f"rocks only, learned so: TTAM {ttam(true, found):.1f} ({ttam(true, found, None):.1f} without U)", flush=True)
+        write(arguments.out, learned, know)
+    scored = gather(FIRST_SCORED, arguments.score, know)
+    show("all suns and textures learned", learned, scored, know)
     for name in SUNS_DEG:
-        without = rules_from([v for v in learned if v.sun != name], know)
-        show(f"sun {name} never learned", [v for v in scored if v.sun == name], without)
+        parts = [v for v in learned if v.sun != name], [v for v in scored if v.sun == name]
+        show(f"sun {name} never learned", *parts, know)
     for texture in TEXTURES:
-        without = rules_from([v for v in learned if v.texture != texture], know)
-        show(f"texture {texture} never learned", [v for v in scored if v.texture == texture], without)
+        parts = [v for v in learned if v.texture != texture], [v for v in scored if v.texture == texture]
+        show(f"texture {texture} never learned", *parts, know)
+    show_clasts(learned, scored)
 
 
 if __name__ == "__main__":

@@ -18,11 +18,16 @@ from worlds.strict_toml import Limits, check_limits, convert_table, read_table
 
 ROCK_INPUTS = ("contrast", "energy", "variance", "area", "strength")
 PAPER_INPUTS = ("contrast", "energy", "variance", "area")  # the four of the 2004 paper, section 4
+CLAST_INPUTS = ("stones", "stones_sure")  # need the table [clasts]
 TERRAIN_INPUTS = (
     *PAPER_INPUTS,
     *("entropy", "homogeneity", "fine", "grain", "coarse", "score", "score_spread", "cover", "largest", "rest"),
-    *("rock_size", "around_score", "around_largest", "around_fine", "around_coarse", "tint", "tint_95", "faint_cover"),
-    *("faint_largest", "faint_count", "clear_cover", "clear_largest", "clear_count", "range", "unseen"),
+    *("rock_size", "around_score", "around_largest", "around_fine", "around_coarse", "range", "skyline", "unseen"),
+    *CLAST_INPUTS,
+)
+CLAST_CUES = (
+    *("red", "red_median", "red_mean", "red_over", "red_most", "red_least", "score", "score_around", "light_over"),
+    *("light_detail", "light_range", "chance", "chance_mean", "chance_most", "chance_least", "chance_around"),
 )
 CUE_NAMES = ("lightness", "green_red", "blue_yellow", "roughness", "likeness")
 SKY_CUES = ("lightness", "green_red", "blue_yellow", "texture", "texture_over", "texture_level", "row")
@@ -153,6 +158,42 @@ class Parting(_Table, frozen=True, kw_only=True):
         return _named(self, PARTING_CUES)
 
 
+class ClastCues(_Table, frozen=True, kw_only=True):
+    """Additive evidence that a pixel shows a clast, of any of the cues; see `perception.clasts` for how they are made.
+
+    Means are over 3 x 3 pixels where not said otherwise, and so are most and least.
+    """
+
+    bias: float
+    red: Cue | None = None  # logarithm of red over blue, minus the picture's median
+    red_median: Cue | None = None
+    red_mean: Cue | None = None
+    red_over: Cue | None = None  # minus its mean over 7 x 7
+    red_most: Cue | None = None  # the reddest neighbour, minus the same
+    red_least: Cue | None = None
+    score: Cue | None = None  # evidence of rock
+    score_around: Cue | None = None  # mean over 7 x 7
+    light_over: Cue | None = None  # logarithm of the grey level, minus its mean over 13 x 13
+    light_detail: Cue | None = None  # minus its mean
+    light_range: Cue | None = None  # most minus least
+    chance: Cue | None = None  # of a clast, by the first look; in the second only
+    chance_mean: Cue | None = None
+    chance_most: Cue | None = None
+    chance_least: Cue | None = None
+    chance_around: Cue | None = None  # mean over 7 x 7
+
+    def named(self) -> tuple[tuple[str, Cue], ...]:
+        """Name and evidence of the cues that are there."""
+        return _named(self, CLAST_CUES)
+
+
+class ClastKnowledge(_Table, frozen=True, kw_only=True):
+    """Evidence for clasts down to a few pixels: two looks."""
+
+    first: ClastCues
+    second: ClastCues
+
+
 class SkyEvidence(_Table, frozen=True, kw_only=True):
     """Additive evidence for sky or far ridge in cells of the picture, in log odds, and the price of the skyline."""
 
@@ -213,6 +254,7 @@ class _File(_Table, frozen=True, kw_only=True):
     grey_cues: CueSet | None = None  # the only look at pictures without colour; None: `cues` without those of colour
     binarization: Binarization
     parting: Parting | None = None  # lines that part the rocks of one blob; None: necks alone part them
+    clasts: ClastKnowledge | None = None  # None: no rule asks for clasts
     sky: Sky
     ground: GroundKnowledge
     rock: RockKnowledge
@@ -230,6 +272,7 @@ class Knowledge:
     grey_cues: CueSet | None
     binarization: Binarization
     parting: Parting | None
+    clasts: ClastKnowledge | None
     sky: Sky
     ground: GroundKnowledge
     rock: RockKnowledge
@@ -263,6 +306,7 @@ def _decode(table: dict[str, Any], source: str) -> Knowledge:
     for key, evidence in (("sky.colour", plain.sky.colour), ("sky.grey", plain.sky.grey), ("parting", plain.parting)):
         for name, cue in evidence.named() if evidence is not None else ():
             _check_cue(cue, f"{source}: {key}.{name}")
+    _check_clasts(plain.clasts, rules["terrain_rules"], source)
     return Knowledge(
         **{field: getattr(plain, field) for field in plain.__struct_fields__},
         rock_rules=_rules(rules["rock_rules"], f"{source}: rock_rules", ROCK_INPUTS),
@@ -276,6 +320,19 @@ def _check_cues(cues: CueSet | None, source: str, *, first_look: bool) -> None:
         if first_look and name == "likeness":
             raise InputError(f"{source}: likeness needs a look before it; it may stand in second_cues only")
         _check_cue(cue, f"{source}.{name}")
+
+
+def _check_clasts(clasts: ClastKnowledge | None, rules: Any, source: str) -> None:
+    asked = sorted(set(CLAST_INPUTS) & set(rules.get("input", ()) if isinstance(rules, dict) else ()))
+    if clasts is None and asked:
+        raise InputError(f"{source}: terrain_rules: input {asked[0]!r} needs the table clasts, which is not there")
+    for look, cues in (("first", clasts.first), ("second", clasts.second)) if clasts is not None else ():
+        for name, cue in cues.named():
+            if look == "first" and name.startswith("chance"):
+                raise InputError(f"{source}: clasts.first: {name} needs a look before it; it may stand in second only")
+            _check_cue(cue, f"{source}: clasts.{look}.{name}")
+        if not cues.named():
+            raise InputError(f"{source}: clasts.{look}: no cue; any of {', '.join(CLAST_CUES)}")
 
 
 def _check_cue(cue: Cue, source: str) -> None:

@@ -19,6 +19,8 @@ import numpy as np
 from scipy.optimize import minimize
 
 from perception.additive_fit import hat_weights, quantile_knots
+from perception.class_definition import STAGES
+from perception.knowledge_base import CLAST_INPUTS
 from perception.ttam import WEIGHTS
 from worlds.fuzzy import RuleBase, membership, rule_base
 from worlds.types import FloatArray, IntArray, TerrainClass
@@ -30,6 +32,8 @@ TERMS = {
     4: ("lowest", "low", "high", "highest"),
     5: ("lowest", "low", "middle", "high", "highest"),
 }
+STAGE_KNOTS = np.arange(len(STAGES), dtype=np.float64)
+STONE_TERMS = ("sand", "very_small_rocks", "rough", "very_rough", "big_rock")  # of inputs that hold a stage
 QUANTILES = (0.03, 0.25, 0.5, 0.75, 0.97)
 STIFFNESS, SIZE_PENALTY = 3e-3, 3e-3  # of bends of the evidence, and of its size; a window's share
 COMMENTS = {
@@ -51,7 +55,7 @@ def learn_additive(
     ``emphasis`` multiplies the weight of a class, ``penalty`` both penalties. The table is what `rule_base` decodes.
     """
     names, truth = list(features), np.array([LETTERS.index(letter) for letter in letters])
-    knots = [_knots(features[name]) for name in names]
+    knots = [STAGE_KNOTS if name in CLAST_INPUTS else _knots(features[name]) for name in names]
     design = np.concatenate([hat_weights(features[n], k).toarray() for n, k in zip(names, knots, strict=True)], axis=1)
     weight = np.array([{**WEIGHTS, "U": _U_WEIGHT}[x] * (emphasis or {}).get(x, 1.0) for x in letters])
     evidence = _fit(design, truth, weight / weight.sum(), penalty * _penalty([len(k) for k in knots]))
@@ -60,7 +64,7 @@ def learn_additive(
     rules = [
         {"if": {name: term}, "then": _spoken(row - row.min())}
         for name, places, part in zip(names, knots, parts, strict=True)
-        for term, row in zip(TERMS[len(places)], part, strict=True)
+        for term, row in zip(_terms(name, places), part, strict=True)
         if _spoken(row - row.min())
     ]
     return {"norm": "minimum", "aggregation": "sum", **_variables(names, knots), "rule": rules}
@@ -74,6 +78,10 @@ def _knots(values: FloatArray) -> FloatArray:
     return knots[:5]
 
 
+def _terms(name: str, knots: FloatArray) -> tuple[str, ...]:
+    return STONE_TERMS if name in CLAST_INPUTS else TERMS[len(knots)]
+
+
 def _spoken(row: FloatArray) -> dict[str, float]:
     return {x: round(float(v), 2) for x, v in zip(LETTERS, row, strict=True) if v >= LEAST_EVIDENCE}
 
@@ -84,7 +92,7 @@ def _variables(names: Sequence[str], knots: Sequence[FloatArray]) -> dict[str, A
     for name, places in zip(names, knots, strict=True):
         k = [float(f"{place:.4g}") for place in places]
         ends = [k[0], *k, k[-1]]
-        terms = {term: [ends[i], ends[i + 1], ends[i + 2]] for i, term in enumerate(TERMS[len(k)])}
+        terms = {term: [ends[i], ends[i + 1], ends[i + 2]] for i, term in enumerate(_terms(name, places))}
         inputs[name] = {"range": [k[0], k[-1]], **terms}
     classes = {letter: [float(i), i + 0.5, i + 1.0] for i, letter in enumerate(LETTERS)}
     return {"input": inputs, "output": {"class": {"range": [0.0, float(len(LETTERS))], **classes}}}

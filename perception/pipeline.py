@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from perception.binarize import Binarized, SingleArray, binarize
 from perception.blobs import Blobs, find_blobs, select
+from perception.class_definition import WINDOW_PX
 from perception.depth_rocks import placed_blobs, standing_blobs
 from perception.ground import beyond_horizon, footprint, window_centres, window_ranges
 from perception.knowledge_base import Knowledge, load_knowledge
@@ -26,7 +27,7 @@ from perception.sky import sky_mask
 from perception.soil_reference import even_light, soil_reference
 from perception.stereo import StereoView, depth_picture, measured_ground, refined
 from perception.terrain_class import classify
-from perception.window_features import WINDOW_PX, WindowSource, window_features
+from perception.window_features import WindowSource, window_features
 from worlds.types import BoolArray, ByteArray, FloatArray, Frame, IntArray, Observation, PerceivedRock
 
 __all__ = ["ImageRock", "Knowledge", "Perception", "View", "examine", "load_knowledge", "on_ground", "perceive"]
@@ -101,7 +102,9 @@ def examine(
     found = binarize(even, soft_grey, soil, hidden, knowledge)
     blobs, certainty = classify_blobs(grey, even, found, hidden, knowledge)
     shape = outlines(blobs, knowledge.rock.round_ratio)
-    windows = WindowSource(grey, lab, soil, found.score, blobs.labels, blobs.area_px, hidden, _ranges(view))
+    windows = WindowSource(
+        picture, grey, lab, soil, found.score, blobs.labels, blobs.area_px, hidden, knowledge.clasts, _ranges(view)
+    )
     features = window_features(windows, knowledge.terrain_rules.input_names)
     classes = classify(features, knowledge.terrain_rules, knowledge.terrain.min_certainty)
     rocks = _image_rocks(blobs, shape, certainty)

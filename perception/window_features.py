@@ -1,29 +1,32 @@
 """What the six-class rules look at: measures of each 20x20 window of a picture, made for those that are asked for.
 
 Textures are decimal logarithms of grey levels; shares are of the window; ``around_`` is the mean over the 3x3 windows
-around. Clast-coloured specks are found apart from rocks, since pebbles are too small to pass for rocks: they are less
-yellow than soil lit like them.
+around. ``stones`` and ``stones_sure`` are what the working definition says of the clasts that `perception.clasts`
+finds.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 
 import cv2
 import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from perception.class_definition import WINDOW_PX
+from perception.clasts import clast_chance, clast_stages, redness
+from perception.knowledge_base import ClastKnowledge
 from perception.soil_reference import SoilReference
 from perception.texture import Texture, window_texture
 from worlds.types import BoolArray, ByteArray, FloatArray, IntArray
 
 SingleArray = NDArray[np.float32]
-WINDOW_PX = 20  # the paper's sub-window
 FAR_M = 100.0  # windows that see no ground count as this far away
-SPECK_LEVELS = (2.5, 5.0)  # of b* under the soil's: faint and clear
+STONE_CUTS = {"stones": 0.3, "stones_sure": 0.5}  # of a pixel's chance to show a clast
+SKY_RED, SKYLINE_REACH_PX = -0.12, 40.0  # halfway from soil to sky; farther from the skyline nothing changes
 _SIGMAS_FINE, _SIGMAS_COARSE_HALF = (0.8, 2.0), (1.5, 4.0)  # the latter at half resolution: 3 and 8 pixels
 _BINS, _BIN = 1024, 0.125  # of the histograms that percentiles are read from, in grey levels
 _FLOOR = 0.1  # grey levels; keeps logarithms finite
@@ -33,6 +36,7 @@ _FLOOR = 0.1  # grey levels; keeps logarithms finite
 class WindowSource:
     """What was found in one picture, (H, W) each where not said otherwise."""
 
+    picture: ByteArray  # grey, or RGB (H, W, 3)
     grey: ByteArray
     lab: SingleArray  # (H, W, 3) of the low-passed picture
     soil: SoilReference
@@ -40,6 +44,7 @@ class WindowSource:
     labels: IntArray  # rock id, 0 = none
     area_px: IntArray  # (R,) of the rocks
     hidden: BoolArray
+    clasts: ClastKnowledge | None = None
     range_m: FloatArray | None = None  # (rows, columns) ground distance of the windows, NaN where there is no ground
 
 
@@ -88,35 +93,27 @@ class _Parts:
         return window_texture(self.source.grey, WINDOW_PX)
 
     @cached_property
-    def less_yellow(self) -> SingleArray:
-        """How much less yellow (b*) a pixel is than soil lit like it; its median over the ground is 0."""
-        lab, soil = self.source.lab, self.source.soil
-        plane = lab[..., 0] * np.float32(soil.lab[2] / soil.lab[0]) - lab[..., 2]
-        ground = plane[::4, ::4][~self.source.hidden[::4, ::4]]
-        plane -= np.float32(np.median(ground)) if ground.size else np.float32(0.0)
-        plane[self.source.hidden] = 0.0
-        return np.asarray(plane, dtype=np.float32)
-
-    @cached_property
-    def tint(self) -> FloatArray:
-        """Largest and 95th percentile (rows, columns, 2) of `less_yellow`, its positive part."""
-        return _percentiles(np.maximum(self.less_yellow, 0.0), WINDOW_PX, 0.95)
-
-    @cached_property
-    def faint(self) -> FloatArray:
-        return self._specks(SPECK_LEVELS[0])
-
-    @cached_property
-    def clear(self) -> FloatArray:
-        return self._specks(SPECK_LEVELS[1])
-
-    def _specks(self, level: float) -> FloatArray:
-        found = (self.less_yellow > level).view(np.uint8)
-        return _clast_kernel(np.asarray(cv2.connectedComponents(found, connectivity=8)[1], dtype=np.int32), WINDOW_PX)
-
-    @cached_property
     def score(self) -> FloatArray:
         return window_mean(self.source.score)
+
+    @cached_property
+    def red(self) -> SingleArray:
+        return redness(self.source.picture, self.source.hidden)
+
+    @cached_property
+    def clast_chance(self) -> SingleArray:
+        seen, know = self.source, self.source.clasts
+        assert know is not None  # a knowledge file whose rules ask for stones has the table
+        return clast_chance(self.red, seen.grey, seen.score, seen.hidden, know)
+
+    def skyline(self) -> FloatArray:
+        """How far the first ground from above lies under each window's upper edge, mean of its columns, in pixels."""
+        ground = cv2.blur(self.red, (3, 3)) > SKY_RED
+        first = np.where(ground.any(axis=0), ground.argmax(axis=0), ground.shape[0])
+        rows, columns = self.shape
+        first_px = first[: columns * WINDOW_PX].reshape(columns, WINDOW_PX).mean(axis=1)
+        under = first_px - WINDOW_PX * np.arange(rows, dtype=np.float64)[:, None]
+        return np.asarray(np.clip(under, -SKYLINE_REACH_PX, SKYLINE_REACH_PX))
 
     def around(self, values: FloatArray) -> FloatArray:
         return np.asarray(cv2.blur(values, (3, 3), borderType=cv2.BORDER_REPLICATE))
@@ -153,14 +150,8 @@ FEATURES: Mapping[str, Callable[[_Parts], FloatArray]] = {
     "around_largest": lambda p: p.around(p.rocks[..., 1] / WINDOW_PX**2),
     "around_fine": lambda p: p.around(p.fine[..., 0]),
     "around_coarse": lambda p: p.around(p.coarse[..., 1]),
-    "tint": lambda p: np.log10(np.maximum(p.tint[..., 0], _FLOOR)),  # of the least yellow pixel
-    "tint_95": lambda p: np.log10(np.maximum(p.tint[..., 1], _FLOOR)),
-    "faint_cover": lambda p: p.faint[..., 0],
-    "faint_largest": lambda p: np.log10(1.0 + p.faint[..., 1]),  # pixels
-    "faint_count": lambda p: p.faint[..., 2],
-    "clear_cover": lambda p: p.clear[..., 0],
-    "clear_largest": lambda p: np.log10(1.0 + p.clear[..., 1]),
-    "clear_count": lambda p: p.clear[..., 2],
+    # Class that the definition gives to the clasts that are found, with some doubt and with less.
+    **{name: partial(lambda cut, p: clast_stages(p.clast_chance, cut), cut) for name, cut in STONE_CUTS.items()},
     "contrast": lambda p: _log_texture(p.co_occurrence.contrast, p),
     "energy": lambda p: p.co_occurrence.energy.reshape(p.shape),
     "variance": lambda p: _log_texture(p.co_occurrence.variance, p),
@@ -168,6 +159,7 @@ FEATURES: Mapping[str, Callable[[_Parts], FloatArray]] = {
     "homogeneity": lambda p: p.co_occurrence.homogeneity.reshape(p.shape),
     "area": lambda p: np.log10(1.0 + p.rocks[..., 1]),  # log10 of 1 + pixels of the largest rock in the window
     "range": _Parts.range_log,  # log10 metres
+    "skyline": _Parts.skyline,  # pixels from the window's upper edge down to the first ground under the sky
     "unseen": lambda p: window_mean(p.source.hidden),  # share that shows no ground
     "blank": _Parts.blank,
 }

@@ -14,20 +14,19 @@ from perception.window_features import FEATURES, WindowSource, window_features, 
 from tests.data import data_path
 from worlds.types import BoolArray, ByteArray
 
+RENDERED = load_knowledge("rendered")
 SOIL = SoilReference(np.array([60.0, 10.0, 20.0], dtype=np.float32), 1.0, np.zeros(6, dtype=np.float32), coloured=True)
 
 
-def source(
-    grey: ByteArray, rock: BoolArray | None = None, hidden: BoolArray | None = None, speck: BoolArray | None = None
-) -> WindowSource:
-    """A picture whose soil is everywhere of the soil's colour but at ``speck``, which has no yellow in it."""
+def source(picture: ByteArray, rock: BoolArray | None = None, hidden: BoolArray | None = None) -> WindowSource:
+    """A picture, grey or RGB, with rocks of known outline."""
+    grey = picture if picture.ndim == 2 else np.asarray(cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY), dtype=np.uint8)
     none = np.zeros(grey.shape, dtype=bool)
     blobs = find_blobs(none if rock is None else rock)
     lab = np.broadcast_to(SOIL.lab, (*grey.shape, 3)).copy()
-    if speck is not None:
-        lab[speck, 2] = 0.0
     score = (blobs.labels > 0).astype(np.float32)
-    return WindowSource(grey, lab, SOIL, score, blobs.labels, blobs.area_px, none if hidden is None else hidden)
+    seen = none if hidden is None else hidden
+    return WindowSource(picture, grey, lab, SOIL, score, blobs.labels, blobs.area_px, seen, RENDERED.clasts)
 
 
 def test_every_input_that_rules_may_name_is_measured() -> None:
@@ -64,15 +63,12 @@ def test_rock_measures_worked_by_hand() -> None:
     assert found["around_largest"][0, 0] == pytest.approx((4 * 0.1 + 2 * 30 / 400) / 9)
 
 
-def test_specks_without_yellow_are_counted() -> None:
-    grey = np.random.default_rng(3).integers(0, 256, (40, 40), dtype=np.uint8)
-    speck = np.zeros((40, 40), dtype=bool)
-    speck[2:4, 2:4] = speck[10, 10:15] = True
-    found = window_features(source(grey, speck=speck), ("clear_cover", "clear_count", "clear_largest", "tint"))
-    assert found["clear_cover"].tolist() == [pytest.approx([9 / 400, 0]), [0.0, 0.0]]
-    assert found["clear_count"][0, 0] == 2
-    assert found["clear_largest"][0, 0] == pytest.approx(np.log10(6))
-    assert found["tint"][0, 0] == pytest.approx(np.log10(20.0))
+def test_the_skyline_is_told_from_each_window() -> None:
+    picture = np.empty((160, 40, 3), dtype=np.uint8)
+    picture[:] = (176, 144, 101)
+    picture[:25, :20] = picture[:50, 20:] = (212, 186, 148)  # sky is far less red
+    found = window_features(source(picture), ("skyline",))["skyline"][:4]
+    assert found == pytest.approx(np.array([[25, 40], [5, 30], [-15, 10], [-35, -10]]), abs=1.0)
 
 
 def test_a_window_without_any_variation_is_blank() -> None:

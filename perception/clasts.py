@@ -1,0 +1,141 @@
+"""Clasts down to a few pixels, pebbles as well as rocks: how likely each pixel shows one, by evidence that adds up.
+
+Rocks are found apart (`perception.binarize`) and with care for their outlines; pebbles are too small for that. What
+gives them away is that they are less red than the soil. The ratio of red to blue does not change with the light on a
+surface, and of all mixtures of channels with that property it stands out most from noise that is alike in all channels.
+
+Two looks: the first judges each pixel by itself and its neighbourhood; the second, where the first found anything
+near, also by what the first says of its neighbours.
+"""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from perception.binarize import evidence_table
+from perception.class_definition import window_stages
+from perception.knowledge_base import ClastCues, ClastKnowledge
+from worlds.types import BoolArray, ByteArray, FloatArray
+
+SingleArray = NDArray[np.float32]
+Planes = dict[str, SingleArray]
+AROUND_PX, LIGHT_AROUND_PX = 7, 13
+GATE = 0.05  # of the first look's chances at a pixel and its eight neighbours; under it there is no second look
+_LOGARITHMS = np.log(np.arange(256) + 1.0).astype(np.float32)
+_LOGISTIC_REACH, _LOGISTIC_STEPS = 8.0, 2048
+_LOGISTIC = (1 / (1 + np.exp(-np.linspace(-_LOGISTIC_REACH, _LOGISTIC_REACH, _LOGISTIC_STEPS + 1)))).astype(np.float32)
+_NEAR = np.ones((3, 3), dtype=np.uint8)
+
+
+def redness(picture: ByteArray, hidden: BoolArray) -> SingleArray:
+    """Logarithm of red over blue (H, W) of a picture, grey (H, W) or RGB (H, W, 3), minus its median where seen."""
+    colour = picture if picture.ndim == 3 else np.repeat(picture[..., None], 3, axis=2)
+    red = _logarithm_of_ratio(colour)
+    seen = red[::4, ::4][~hidden[::4, ::4]]
+    return red - np.float32(np.median(seen) if seen.size else 0.0)
+
+
+def clast_chance(
+    red: SingleArray, grey: ByteArray, score: SingleArray, hidden: BoolArray, know: ClastKnowledge
+) -> SingleArray:
+    """Chance (H, W) in 0..1 that a pixel shows a clast; 0 where ``hidden``.
+
+    ``red`` (H, W) is the picture's `redness`, ``grey`` (H, W) its 8-bit grey, ``score`` (H, W) the evidence of rock.
+    """
+    planes = first_planes(red, grey, score)
+    chance = chance_of(planes, know.first, hidden)
+    add_second_planes(planes, chance)
+    return chance_of(planes, know.second, hidden | (planes["chance_most"] < GATE), chance)
+
+
+def clast_stages(chance: SingleArray, cut: float) -> FloatArray:
+    """Place in `STAGES` (rows, columns) of each window, were all pixels with more ``chance`` (H, W) clasts."""
+    found = (chance > cut).view(np.uint8)
+    _, labels, told, _ = cv2.connectedComponentsWithStats(found, connectivity=8, ltype=cv2.CV_32S)
+    extent = told[:, [cv2.CC_STAT_WIDTH, cv2.CC_STAT_HEIGHT]].max(axis=1)
+    return window_stages(np.asarray(labels, dtype=np.int32), np.ascontiguousarray(told[:, cv2.CC_STAT_AREA]), extent)
+
+
+def first_planes(red: SingleArray, grey: ByteArray, score: SingleArray) -> Planes:
+    """The measures of a pixel and its neighbourhood, each (H, W)."""
+    light = np.asarray(cv2.LUT(grey, _LOGARITHMS), dtype=np.float32)
+    around = _mean(red, AROUND_PX)
+    return {
+        "red": red,
+        "red_median": np.asarray(cv2.medianBlur(red, 3), dtype=np.float32),
+        "red_mean": _mean(red, 3),
+        "red_over": red - around,
+        "red_most": np.asarray(cv2.dilate(red, _NEAR)) - around,
+        "red_least": np.asarray(cv2.erode(red, _NEAR)) - around,
+        "score": score,
+        "score_around": _mean(score, AROUND_PX),
+        "light_over": light - _mean(light, LIGHT_AROUND_PX),
+        "light_detail": light - _mean(light, 3),
+        "light_range": np.asarray(cv2.morphologyEx(light, cv2.MORPH_GRADIENT, _NEAR), dtype=np.float32),
+    }
+
+
+def add_second_planes(planes: Planes, chance: SingleArray) -> None:
+    """Add the measures of what the first look found, ``chance`` (H, W)."""
+    planes["chance"] = chance
+    planes["chance_mean"] = _mean(chance, 3)
+    planes["chance_most"] = np.asarray(cv2.dilate(chance, _NEAR))
+    planes["chance_least"] = np.asarray(cv2.erode(chance, _NEAR))
+    planes["chance_around"] = _mean(chance, AROUND_PX)
+
+
+def _mean(plane: SingleArray, size_px: int) -> SingleArray:
+    return np.asarray(cv2.blur(plane, (size_px, size_px)), dtype=np.float32)
+
+
+def chance_of(planes: Planes, cues: ClastCues, skipped: BoolArray, otherwise: SingleArray | None = None) -> SingleArray:
+    """Logistic curve (H, W) of the evidence of ``cues``; where ``skipped``, what ``otherwise`` says, or 0."""
+    named = cues.named()
+    total = np.zeros(skipped.shape, dtype=np.float32) if otherwise is None else otherwise.copy()
+    tables = np.stack([evidence_table(cue.value, cue.evidence) for _, cue in named])
+    _add_up(tuple(planes[name] for name, _ in named), tables, cues.bias, skipped, total)
+    return total
+
+
+@njit(cache=True, nogil=True)
+def _logarithm_of_ratio(picture: ByteArray) -> SingleArray:
+    """Logarithm of red over blue (H, W)."""
+    ratio = np.empty(picture.shape[:2], dtype=np.float32)
+    for y in range(picture.shape[0]):
+        for x in range(picture.shape[1]):
+            ratio[y, x] = _LOGARITHMS[picture[y, x, 0]] - _LOGARITHMS[picture[y, x, 2]]
+    return ratio
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def _add_up(
+    planes: tuple[SingleArray, ...], tables: SingleArray, bias: float, skipped: BoolArray, out: SingleArray
+) -> None:
+    """Write the logistic curve of all evidence into ``out`` (H, W) where not ``skipped``."""
+    columns = np.empty(out.shape[1], dtype=np.int32)  # of a row's pixels that are not skipped
+    total = np.empty(out.shape[1], dtype=np.float32)
+    zero, half, last, top = (
+        np.float32(0.0),
+        np.float32(0.5),
+        np.float32(tables.shape[1] - 3),
+        np.float32(_LOGISTIC_STEPS),
+    )
+    reach, per = np.float32(_LOGISTIC_REACH), np.float32(_LOGISTIC_STEPS / (2 * _LOGISTIC_REACH))
+    for y in range(out.shape[0]):
+        number = 0
+        for x in range(out.shape[1]):
+            columns[number] = x
+            number += not skipped[y, x]
+        total[:number] = bias
+        for cue in range(len(planes)):
+            plane, table = planes[cue], tables[cue]
+            first, step = table[0], table[1]
+            for i in range(number):
+                place = min(max((plane[y, columns[i]] - first) * step, zero), last)
+                total[i] += table[2 + np.int32(place + half)]
+        for i in range(number):
+            place = min(max((total[i] + reach) * per, zero), top)
+            out[y, columns[i]] = _LOGISTIC[np.int32(place + half)]
