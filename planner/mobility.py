@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
+import numba
 import numpy as np
 
 from worlds.geometry import euler_from_quaternion, wrap_angle
@@ -70,7 +71,8 @@ def follow_path(
     With ``reverse`` the rear leads. At the end the command is `STOP` and ``progress.arrived`` is true.
     """
     position = pose.pose.position_w[:2]
-    arc, length = _arc_on_path(path_w, position, progress.arc_m)
+    path_w = np.array(path_w, dtype=np.float64)
+    arc, length = _arc_on_path(path_w, float(position[0]), float(position[1]), progress.arc_m)
     to_end = float(np.linalg.norm(path_w[-1] - position))
     left = length - arc
     near = min(limits.arrival_radius_m, 0.3 * length) if length > 0.0 else limits.arrival_radius_m
@@ -79,16 +81,16 @@ def follow_path(
     yaw = euler_from_quaternion(pose.pose.quaternion_w)[2] + (np.pi if reverse else 0.0)
     speed_now = float(np.linalg.norm(pose.velocity_w[:2]))
     lookahead = limits.lookahead_m + limits.lookahead_time_s * speed_now
-    target = _point_at(path_w, arc + lookahead) - position
+    target = np.array(_point_at(path_w, arc + lookahead)) - position
     error = wrap_angle(np.arctan2(target[1], target[0]) - yaw)
     turning = abs(error) > (limits.turn_end_rad if progress.turning else limits.turn_start_rad)
     following = replace(progress, arc_m=arc, turning=turning)
     if turning:
         return Command(0.0, _turn_rate(error, footprint, limits)), following
     tightest = (1.0 - limits.inner_share) / _effective_half_track(footprint)
-    curvature = float(np.clip(2.0 * np.sin(error) / max(float(np.linalg.norm(target)), 0.2), -tightest, tightest))
+    curvature = _clamp(2.0 * float(np.sin(error)) / max(float(np.linalg.norm(target)), 0.2), tightest)
     speed = _speed(curvature, max(to_end, left), footprint, limits)
-    rate = float(np.clip(speed * curvature, -footprint.max_yaw_rate_rad_s, footprint.max_yaw_rate_rad_s))
+    rate = _clamp(speed * curvature, footprint.max_yaw_rate_rad_s)
     return Command(-speed if reverse else speed, rate), following
 
 
@@ -105,8 +107,8 @@ def ramp(previous: Command, wanted: Command, limits: Limits, step_s: float) -> C
     linear = limits.acceleration_m_s2 * step_s
     turn = limits.yaw_acceleration_rad_s2 * step_s
     return Command(
-        previous.linear_m_s + float(np.clip(wanted.linear_m_s - previous.linear_m_s, -linear, linear)),
-        previous.yaw_rate_rad_s + float(np.clip(wanted.yaw_rate_rad_s - previous.yaw_rate_rad_s, -turn, turn)),
+        previous.linear_m_s + _clamp(wanted.linear_m_s - previous.linear_m_s, linear),
+        previous.yaw_rate_rad_s + _clamp(wanted.yaw_rate_rad_s - previous.yaw_rate_rad_s, turn),
     )
 
 
@@ -146,7 +148,7 @@ def _turn_rate(error_rad: float, footprint: Footprint, limits: Limits) -> float:
 
 
 def _speed(curvature: float, remaining_m: float, footprint: Footprint, limits: Limits) -> float:
-    cruise = min(limits.cruise_speed_m_s, footprint.max_speed_m_s) * (1.0 - 0.6 * float(np.clip(limits.risk, 0.0, 1.0)))
+    cruise = min(limits.cruise_speed_m_s, footprint.max_speed_m_s) * (1.0 - 0.6 * min(max(limits.risk, 0.0), 1.0))
     curved = min(1.0, 1.0 / max(abs(curvature) * limits.slow_radius_m, 1e-9))
     ending = min(1.0, remaining_m / limits.slow_distance_m)
     # The outer wheels run faster than the body: leave them room, or the curve opens.
@@ -154,29 +156,45 @@ def _speed(curvature: float, remaining_m: float, footprint: Footprint, limits: L
     return min(max(cruise * curved * ending, min(limits.creep_speed_m_s, cruise)), footprint.max_speed_m_s / outer)
 
 
-def _arc_on_path(path_w: FloatArray, position: FloatArray, arc_m: float) -> tuple[float, float]:
-    """Arc length of the path's point nearest to ``position`` and the path's length.
+def _clamp(value: float, most: float) -> float:
+    """``value``, held between -``most`` and ``most``; NumPy's clip takes microseconds for a single number."""
+    return min(max(value, -most), most)
+
+
+@numba.njit("UniTuple(f8, 2)(f8[:, ::1], f8, f8, f8)", cache=True)  # at import: a rover must not stand and compile
+def _arc_on_path(path_w: FloatArray, x_m: float, y_m: float, arc_m: float) -> tuple[float, float]:
+    """Arc length of the path's point nearest to (x_m, y_m) and the path's length.
 
     Only the stretch from 0.3 m behind the last arc to 2 m ahead counts: a path that meets itself is not cut short.
     """
-    steps = np.diff(path_w, axis=0)
-    lengths = np.linalg.norm(steps, axis=1)
-    starts = np.concatenate([[0.0], np.cumsum(lengths)])
-    if starts[-1] <= 0.0:
-        return 0.0, 0.0
-    along = np.einsum("ij,ij->i", position - path_w[:-1], steps) / np.maximum(lengths, 1e-9)
     low, high = max(arc_m - 0.3, 0.0), arc_m + 2.0
-    arcs = np.clip(starts[:-1] + np.clip(along, 0.0, lengths), low, max(high, low))
-    arcs = np.minimum(np.maximum(arcs, starts[:-1]), starts[1:])
-    inside = (arcs >= low - 1e-9) & (arcs <= high + 1e-9)
-    nearest = path_w[:-1] + steps * ((arcs - starts[:-1]) / np.maximum(lengths, 1e-9))[:, None]
-    distance = np.where(inside, np.linalg.norm(nearest - position, axis=1), np.inf)
-    return float(arcs[int(np.argmin(distance))]), float(starts[-1])
+    nearest, answer, start = np.inf, 0.0, 0.0
+    for i in range(path_w.shape[0] - 1):
+        x, y = path_w[i + 1, 0] - path_w[i, 0], path_w[i + 1, 1] - path_w[i, 1]
+        length = np.sqrt(x * x + y * y)
+        divisor = max(length, 1e-9)
+        along = ((x_m - path_w[i, 0]) * x + (y_m - path_w[i, 1]) * y) / divisor
+        arc = min(max(start + min(max(along, 0.0), length), low), max(high, low))
+        arc = min(max(arc, start), start + length)
+        if low - 1e-9 <= arc <= high + 1e-9:
+            share = (arc - start) / divisor
+            dx, dy = path_w[i, 0] + x * share - x_m, path_w[i, 1] + y * share - y_m
+            distance = np.sqrt(dx * dx + dy * dy)
+            if distance < nearest:
+                nearest, answer = distance, arc
+        start += length
+    return (answer if nearest < np.inf else start), start
 
 
-def _point_at(path_w: FloatArray, arc_m: float) -> FloatArray:
+@numba.njit("UniTuple(f8, 2)(f8[:, ::1], f8)", cache=True)
+def _point_at(path_w: FloatArray, arc_m: float) -> tuple[float, float]:
     """Point of the path at an arc length; the last one beyond its end."""
-    if len(path_w) == 1:
-        return np.asarray(path_w[0], dtype=float)
-    arcs = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(path_w, axis=0), axis=1))])
-    return np.array([np.interp(arc_m, arcs, path_w[:, axis]) for axis in (0, 1)])
+    start = 0.0
+    for i in range(path_w.shape[0] - 1):
+        x, y = path_w[i + 1, 0] - path_w[i, 0], path_w[i + 1, 1] - path_w[i, 1]
+        length = np.sqrt(x * x + y * y)
+        if arc_m < start + length:
+            share = max(arc_m - start, 0.0) / length
+            return path_w[i, 0] + share * x, path_w[i, 1] + share * y
+        start += length
+    return float(path_w[-1, 0]), float(path_w[-1, 1])

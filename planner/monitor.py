@@ -122,7 +122,7 @@ def _slip(
 def _blend(old: float, true_speed: float, wheel_speed: float, share: float, least: float) -> float:
     if abs(wheel_speed) < least:
         return old * (1.0 - share)
-    return old + share * (float(np.clip(1.0 - true_speed / wheel_speed, -1.0, 1.5)) - old)
+    return old + share * (min(max(1.0 - true_speed / wheel_speed, -1.0), 1.5) - old)
 
 
 def _progress(state: MonitorState, estimate: PoseEstimate, command: Command, limits: MonitorLimits) -> MonitorState:
