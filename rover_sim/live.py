@@ -11,6 +11,7 @@ import numpy as np
 
 from planner import localization
 from planner.localization import SensorModel
+from rover_sim.autopilot.parameter_file import load_parameters, save_parameters
 from rover_sim.autopilot.tuning import tuned_autopilot
 from rover_sim.files import write_text
 from rover_sim.mavlink.faults import Faults
@@ -59,7 +60,9 @@ class LiveRover:
         urls: Sequence[str] = (),
         tlog: Path | None = None,
         faults: Faults | None = None,
+        parameters: Path | None = None,
     ) -> None:
+        """``parameters``: file that they are taken from, if it exists, and written to at each change."""
         scenario = world.scenario
         self.world = world
         self._footprint = rover.footprint()
@@ -69,6 +72,9 @@ class LiveRover:
         links, log = open_links(urls, tlog, bad=bad)
         self.vehicle = Vehicle(self.autopilot, LocalFrame(world.origin), links, log, persona)
         try:
+            if parameters is not None and parameters.exists():
+                load_parameters(parameters, self.autopilot.parameters)
+            self._parameter_file, self._saved = parameters, self.autopilot.parameters.changes
             self._simulation = Simulation(world, rover, np.random.default_rng([world.seed, SENSOR_STREAM]))
         except BaseException:
             self.vehicle.close()
@@ -110,6 +116,7 @@ class LiveRover:
             self.vehicle.answer(self._simulation.time_s)
         if self._steps % TRACE_STEPS == 0:
             self._observe()
+            self._keep_parameters()
         self._simulation.step(self._wheel_speeds)
         self._steps += 1
 
@@ -120,6 +127,12 @@ class LiveRover:
         items = self.vehicle.store.for_files
         write_waypoints(folder / "mission.waypoints", items)
         write_plan(folder / "mission.plan", items, self.autopilot.parameters["CRUISE_SPEED"])
+
+    def _keep_parameters(self) -> None:
+        changes = self.autopilot.parameters.changes
+        if self._parameter_file is not None and changes != self._saved:
+            save_parameters(self._parameter_file, self.autopilot.parameters)
+            self._saved = changes
 
     def _control(self) -> None:
         time_s = self._simulation.time_s

@@ -82,7 +82,7 @@ def test_frames_turn_at_the_edge(yard: Yard, station: Station) -> None:
     assert station.take("GPS_RAW_INT")[-1].fix_type == 3
 
 
-@pytest.mark.parametrize("number", [0, 21, 22, 246, 241, 400 + 9000, 31000, 65535])
+@pytest.mark.parametrize("number", [0, 21, 22, 246, 262, 241, 400 + 9000, 31000, 65535])
 def test_unknown_commands_are_refused_at_once(yard: Yard, station: Station, number: int) -> None:
     assert result(yard, station, command(number)) == 3
     other = mavlink.MAVLink_command_int_message(1, 1, 0, number, 0, 0, 0, 0, 0, 0, 0, 0, 0)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -40,6 +39,7 @@ class ParameterTable:
     def __init__(self, table: Sequence[Parameter] = TABLE) -> None:
         self._table = {parameter.name: parameter for parameter in table}
         self._values = {parameter.name: float(parameter.default) for parameter in table}
+        self.changes = 0  # so far
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -52,14 +52,25 @@ class ParameterTable:
     def __getitem__(self, name: str) -> float:
         return self._values[name]
 
+    def extend(self, table: Sequence[Parameter]) -> None:
+        """Add parameters, such as those that only one kind of ground station reads; names that are there stay."""
+        for parameter in table:
+            if parameter.name not in self._table:
+                self._table[parameter.name] = parameter
+                self._values[parameter.name] = float(parameter.default)
+
+    def takes(self, name: str, value: float) -> bool:
+        """Whether a known parameter may have this value: NaN never, others within the limits."""
+        return self._table[name].low <= value <= self._table[name].high
+
     def describe(self, name: str) -> Parameter:
         """The table's entry; KeyError for an unknown name."""
         return self._table[name]
 
     def set(self, name: str, value: float) -> bool:
         """Set a known parameter; False, and no change, for NaN or a value outside its limits."""
-        parameter = self._table[name]
-        if not math.isfinite(value) or not parameter.low <= value <= parameter.high:
+        if not self.takes(name, value):
             return False
-        self._values[name] = float(round(value)) if parameter.integer else float(value)
+        self._values[name] = float(round(value)) if self._table[name].integer else float(value)
+        self.changes += 1
         return True

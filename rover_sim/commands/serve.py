@@ -35,6 +35,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
             metavar="URL",
             help=f"{what} this link; repeatable (default of both: {' and '.join(DEFAULT_LINKS)})",
         )
+    parser.add_argument("--params", type=Path, metavar="FILE", help="take parameters from FILE and keep changes there")
     parser.add_argument(
         "--link", metavar="FAULTS", help='make all links bad, e.g. "loss=0.2,delay=0.3" (docs/mavlink.md)'
     )
@@ -63,7 +64,9 @@ def execute(args: argparse.Namespace) -> int:
         output_folder(folder)
         for name in live.FILES:
             (folder / name).unlink(missing_ok=True)
-        with live.LiveRover(world, rover, TABLE[args.persona], urls, folder / live.TLOG, faults) as vehicle:
+        with live.LiveRover(
+            world, rover, TABLE[args.persona], urls, folder / live.TLOG, faults, args.params
+        ) as vehicle:
             print(f"rover-sim serve: {args.persona} rover on {', '.join(urls)}; Ctrl-C ends", file=sys.stderr)  # noqa: T201
             inside = vehicle.run(stopped, show)
             vehicle.save(folder)

@@ -115,8 +115,19 @@ def _prearm(context: Context, _telemetry: Telemetry, _request: Request) -> int:
     return _result(context.autopilot.prearm_reason())
 
 
+def _pause(context: Context, _telemetry: Telemetry, request: Request) -> int:
+    if request.p1 not in (0.0, 1.0):
+        return DENIED
+    return _result(context.autopilot.set_mode(Mode.HOLD if request.p1 == 0.0 else Mode.AUTO))
+
+
+def _storage(_context: Context, _telemetry: Telemetry, request: Request) -> int:
+    """Parameters are stored as they are set; reading them back (0) and resetting them (2) are not supported."""
+    return ACCEPTED if request.p1 == 1.0 else UNSUPPORTED
+
+
 def _request_message(_context: Context, telemetry: Telemetry, request: Request) -> int:
-    known = math.isfinite(request.p1) and telemetry.send(request.client, int(request.p1))
+    known = math.isfinite(request.p1) and telemetry.send(request.client, int(request.p1), request.p2)
     return ACCEPTED if known else UNSUPPORTED
 
 
@@ -152,6 +163,8 @@ ACTIONS: Mapping[int, Action] = {
     mavlink.MAV_CMD_DO_REPOSITION: _reposition,
     mavlink.MAV_CMD_DO_CHANGE_SPEED: _change_speed,
     mavlink.MAV_CMD_CONDITION_YAW: _yaw,
+    mavlink.MAV_CMD_DO_PAUSE_CONTINUE: _pause,
+    mavlink.MAV_CMD_PREFLIGHT_STORAGE: _storage,
     mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH: _return,
     mavlink.MAV_CMD_DO_SET_HOME: _set_home,
     mavlink.MAV_CMD_RUN_PREARM_CHECKS: _prearm,

@@ -1,7 +1,8 @@
 """MAVLink 2 frames: pymavlink's generated dialect, one packer a component and channel, one parser a peer.
 
 pymavlink's connection layer (``mavutil``) is not used: it picks the wire version from the environment, keeps one
-dialect a process and cannot answer a single UDP peer. The dialect is ``common``: the rover sends and understands
+dialect a process and cannot answer a single UDP peer. The dialect is ``development``, which is ``common`` and the
+messages about modes (435 to 437): the rover sends and understands
 nothing outside it.
 """
 
@@ -9,7 +10,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from pymavlink.dialects.v20 import common as mavlink
+from pymavlink.dialects.v20 import development as mavlink
 
 __all__ = ["MAVLINK_1", "MAVLINK_2", "Message", "Packer", "Parser", "mavlink"]
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 import struct
+import zlib
 from collections.abc import Mapping
 
 from rover_sim.mavlink.context import Context, Handler
@@ -14,6 +15,7 @@ from rover_sim.mavlink.dialect import Message, mavlink
 from rover_sim.mavlink.endpoint import Client
 
 _FULL_NAME = 16
+_HASH = "_HASH_CHECK"
 _INTEGERS = (mavlink.MAV_PARAM_TYPE_INT32, mavlink.MAV_PARAM_TYPE_UINT32)
 
 
@@ -39,6 +41,9 @@ class ParameterServer:
     def _read(self, client: Client, message: Message) -> None:
         names = self._table.names
         by_name = message.param_index < 0
+        if by_name and message.param_id == _HASH and self._context.persona.px4_modes:
+            self._context.endpoint.reply(client, self._hash())
+            return
         if not by_name and message.param_index < len(names):
             self._context.endpoint.reply(client, self._value(names[message.param_index]))
         elif by_name and message.param_id in self._table:
@@ -53,7 +58,10 @@ class ParameterServer:
         elif self._table.set(name, self._decoded(name, message)):
             self._context.endpoint.broadcast(self._value(name))
         else:
-            self._refuse(client, name, -1, mavlink.MAV_PARAM_ERROR_VALUE_OUT_OF_RANGE)
+            entry = self._table.describe(name)
+            fixed = entry.low == entry.high
+            error = mavlink.MAV_PARAM_ERROR_READ_ONLY if fixed else mavlink.MAV_PARAM_ERROR_VALUE_OUT_OF_RANGE
+            self._refuse(client, name, -1, error)
             self._context.endpoint.reply(client, self._value(name))  # for clients that know no PARAM_ERROR
 
     def _value(self, name: str) -> Message:
@@ -63,6 +71,18 @@ class ParameterServer:
         if parameter.integer and self._context.persona.bytewise:
             (value,) = struct.unpack("<f", struct.pack("<i", int(value)))
         return mavlink.MAVLink_param_value_message(name.encode(), value, kind, len(names), names.index(name))
+
+    def _hash(self) -> Message:
+        """PX4's checksum of all names and values, by which a ground station knows that it has them already."""
+        checksum = 0
+        for name in sorted(self._table.names):
+            kind = "<i" if self._table.describe(name).integer else "<f"
+            value = self._table[name]
+            data = struct.pack(kind, int(value) if kind == "<i" else value)
+            checksum = zlib.crc32(name.encode() + data, checksum)
+        (number,) = struct.unpack("<f", struct.pack("<I", checksum))
+        total = len(self._table.names)
+        return mavlink.MAVLink_param_value_message(_HASH.encode(), number, mavlink.MAV_PARAM_TYPE_UINT32, total, 65535)
 
     def _decoded(self, name: str, message: Message) -> float:
         """The value that a PARAM_SET means; NaN, which nothing takes, for a type that is not the parameter's."""

@@ -12,7 +12,9 @@ from dataclasses import dataclass
 
 from rover_sim.autopilot.autopilot import Autopilot
 from rover_sim.autopilot.modes import Mode
+from rover_sim.autopilot.parameters import Parameter
 from rover_sim.mavlink.dialect import mavlink
+from rover_sim.mavlink.persona_parameters import ARDUPILOT_PARAMETERS, PX4_PARAMETERS
 
 _COMMON = (
     mavlink.MAV_PROTOCOL_CAPABILITY_MISSION_INT
@@ -36,6 +38,7 @@ class Persona:
     px4_modes: bool  # DO_SET_MODE names main and sub mode, and Guided is two modes
     home_first: bool  # item 0 of a mission may be the home position
     bytewise: bool  # an integer parameter travels as its bytes, not as a rounded float
+    parameters: tuple[Parameter, ...]  # that its ground stations expect beside those of the rover
     tells_landed: bool  # whether "flying" is told by EXTENDED_SYS_STATE alone
     imitates: tuple[int, int, int] | None = None  # the version that is claimed; None: that of rover-sim
 
@@ -75,6 +78,7 @@ ARDUPILOT = Persona(
     px4_modes=False,
     home_first=True,
     bytewise=False,
+    parameters=ARDUPILOT_PARAMETERS,
     tells_landed=False,
 )
 PX4 = Persona(
@@ -85,6 +89,7 @@ PX4 = Persona(
     px4_modes=True,
     home_first=False,
     bytewise=True,
+    parameters=PX4_PARAMETERS,
     tells_landed=True,
     imitates=(1, 15, 0),  # below 1.4.1 QGroundControl warns of an outdated firmware
 )
@@ -96,6 +101,7 @@ GENERIC = Persona(
     px4_modes=True,
     home_first=False,
     bytewise=True,
+    parameters=(),
     tells_landed=True,
 )
 PERSONAS: Mapping[str, Persona] = {persona.name: persona for persona in (ARDUPILOT, PX4, GENERIC)}

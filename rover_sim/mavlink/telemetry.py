@@ -10,12 +10,14 @@ from rover_sim.mavlink.context import Context, Handler
 from rover_sim.mavlink.dialect import Message, mavlink
 from rover_sim.mavlink.endpoint import Client
 from rover_sim.mavlink.heartbeat import autopilot_version, heartbeat
+from rover_sim.mavlink.mode_lists import available_modes, current_mode
 
 Builder = Callable[[Context], Message | None]  # None: nothing to tell, such as a position before the first pose
 
 BUILDERS: Mapping[int, Builder] = {
     mavlink.MAVLINK_MSG_ID_HEARTBEAT: lambda context: heartbeat(context.autopilot, context.persona),
     mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION: lambda context: autopilot_version(context.persona),
+    mavlink.MAVLINK_MSG_ID_CURRENT_MODE: current_mode,
     mavlink.MAVLINK_MSG_ID_SYS_STATUS: status.sys_status,
     mavlink.MAVLINK_MSG_ID_BATTERY_STATUS: status.battery_status,
     mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: status.extended_sys_state,
@@ -73,8 +75,16 @@ class Telemetry:
                 if message is not None:
                     context.endpoint.stream(channel, message)
 
-    def send(self, client: Client, message_id: int) -> bool:
-        """Send one message to one client; False if there is no such message or nothing to tell."""
+    def send(self, client: Client, message_id: int, index: float = 0.0) -> bool:
+        """Send one message to one client; False if there is no such message or nothing to tell.
+
+        ``index`` chooses among AVAILABLE_MODES.
+        """
+        if message_id == mavlink.MAVLINK_MSG_ID_AVAILABLE_MODES:
+            modes = available_modes(self._context, index)
+            for mode in modes:
+                self._context.endpoint.reply(client, mode)
+            return bool(modes)
         builder = BUILDERS.get(message_id)
         message = builder(self._context) if builder else None
         if message is None:

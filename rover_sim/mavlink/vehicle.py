@@ -37,6 +37,7 @@ class Vehicle:
         persona: Persona = ARDUPILOT,
     ) -> None:
         self.endpoint = Endpoint(SYSTEM, COMPONENT, links, log)
+        autopilot.parameters.extend(persona.parameters)
         self._context = Context(autopilot, persona, frame, self.endpoint)
         self.store = MissionStore(self._context)
         telemetry = Telemetry(self._context)
