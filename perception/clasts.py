@@ -45,6 +45,17 @@ def clast_chance(
 
     ``red`` (H, W) is the picture's `redness`, ``grey`` (H, W) its 8-bit grey, ``score`` (H, W) the evidence of rock.
     """
+    seen = np.flatnonzero(~hidden.all(axis=1))
+    top = max(int(seen[0]) - LIGHT_AROUND_PX, 0) if seen.size else len(red)  # what is measured reaches no farther
+    chance = np.zeros_like(red)
+    if top < len(red):
+        chance[top:] = _two_looks(red[top:], grey[top:], score[top:], hidden[top:], know)
+    return chance
+
+
+def _two_looks(
+    red: SingleArray, grey: ByteArray, score: SingleArray, hidden: BoolArray, know: ClastKnowledge
+) -> SingleArray:
     planes = first_planes(red, grey, score)
     chance = chance_of(planes, know.first, hidden)
     add_second_planes(planes, chance)

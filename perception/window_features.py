@@ -108,8 +108,7 @@ class _Parts:
 
     def skyline(self) -> FloatArray:
         """How far the first ground from above lies under each window's upper edge, mean of its columns, in pixels."""
-        ground = cv2.blur(self.red, (3, 3)) > SKY_RED
-        first = np.where(ground.any(axis=0), ground.argmax(axis=0), ground.shape[0])
+        first = _first_over(np.asarray(cv2.blur(self.red, (3, 3)), dtype=np.float32), SKY_RED)
         rows, columns = self.shape
         first_px = first[: columns * WINDOW_PX].reshape(columns, WINDOW_PX).mean(axis=1)
         under = first_px - WINDOW_PX * np.arange(rows, dtype=np.float64)[:, None]
@@ -177,6 +176,18 @@ def window_reduce(function: np.ufunc, values: ByteArray, size: int) -> ByteArray
     rows, columns = values.shape[0] // size, values.shape[1] // size
     lines = function.reduce(values[: rows * size].reshape(rows, size, -1), axis=1)
     return np.asarray(function.reduce(lines[:, : columns * size].reshape(rows, columns, size), axis=2))
+
+
+@numba.njit(cache=True)
+def _first_over(values: SingleArray, least: float) -> FloatArray:
+    """First row (W,) of each column of ``values`` (H, W) with more than ``least``; H where there is none."""
+    first = np.full(values.shape[1], float(values.shape[0]))
+    for x in range(values.shape[1]):
+        for y in range(values.shape[0]):
+            if values[y, x] > least:
+                first[x] = y
+                break
+    return first
 
 
 @numba.njit(cache=True)
