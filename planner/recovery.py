@@ -128,10 +128,11 @@ def _back(
     None where the track is too short.
     """
     poses = way_back(track, place.position_w, min(least_m + FARTHER_M, MOST_BACK_M))
-    arcs = np.cumsum(np.hypot(*np.diff(np.vstack([place.position_w, poses[:, :2]]), axis=0).T))
-    if not len(poses) or arcs[-1] < LEAST_BACK_M:
+    # Turning to and fro on a spot makes a long track that leads nowhere: what counts is how far away it gets.
+    apart = np.hypot(*(poses[:, :2] - place.position_w).T)
+    if not len(poses) or apart.max() < LEAST_BACK_M:
         return None
-    last = min(int(np.searchsorted(arcs, least_m)), len(poses) - 1)
+    last = int(np.argmax(apart >= min(least_m, apart.max())))
     for end in range(last, len(poses), 2):
         x, y, heading = poses[end]
         right, left = turn_range(table_w, None if place.bold else cells, np.array([x, y]), heading, footprint)
@@ -171,7 +172,8 @@ def finished(manoeuvre: Manoeuvre, place: Place, time_s: float, *, seen: bool) -
         return there and seen
     end = manoeuvre.way_w[-1]
     left = float(np.hypot(place.position_w[0] - end[0], place.position_w[1] - end[1]))
-    return left < min(0.3, 0.4 * manoeuvre.distance_m)  # path following ends before the very end
+    whole = float(np.hypot(manoeuvre.start_w[0] - end[0], manoeuvre.start_w[1] - end[1]))
+    return left < min(0.3, 0.4 * whole)  # path following ends before the very end
 
 
 def _possible_turn(
