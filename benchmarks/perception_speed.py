@@ -18,11 +18,19 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from perception.binarize import binarize
 from perception.class_definition import WINDOW_PX
 from perception.ground import beyond_horizon
 from perception.knowledge_base import Knowledge, load_knowledge
-from perception.pipeline import View, classify_blobs, examine, on_ground, perceive, smoothed, working_picture
+from perception.pipeline import (
+    View,
+    classify_blobs,
+    examine,
+    on_ground,
+    perceive,
+    rock_pixels,
+    smoothed,
+    working_picture,
+)
 from perception.rock_geometry import outlines
 from perception.soil_reference import even_light, soil_reference
 from perception.terrain_class import classify
@@ -91,14 +99,14 @@ def stages(frame: Frame, know: Knowledge) -> dict[str, Work]:
     hidden = beyond_horizon(view.camera, view.pose, view.plane, (240, 320), dip)
     soil = soil_reference(lab, hidden, know.soil)
     even = even_light(lab, soil)
-    found = binarize(even, soft, soil, hidden, know)
+    _, _, found = rock_pixels(picture, grey, soft, even, soil, hidden, know)
     blobs, _ = classify_blobs(grey, even, found, hidden, know)
     seen = examine(picture, know, view)
     names, least = know.terrain_rules.input_names, know.terrain.min_certainty
     features = window_features(seen.windows, names)
     return {
-        "rock pixels": lambda: binarize(
-            even_light(lab, soil_reference(lab, hidden, know.soil)), soft, soil, hidden, know
+        "rock pixels": lambda: rock_pixels(
+            picture, grey, soft, even_light(lab, soil_reference(lab, hidden, know.soil)), soil, hidden, know
         ),
         "blobs, certainty, geometry": lambda: outlines(
             classify_blobs(grey, even, found, hidden, know)[0], know.rock.round_ratio

@@ -21,7 +21,7 @@ from typing import get_args
 import numpy as np
 
 from perception.clasts import clast_chance, redness
-from perception.knowledge_base import CLAST_INPUTS, PAPER_INPUTS, ClastKnowledge, Knowledge, load_knowledge
+from perception.knowledge_base import PAPER_INPUTS, ClastKnowledge, Knowledge, load_knowledge
 from perception.learn_clasts import ClastExample, clasts_toml, learn_clasts
 from perception.pipeline import View, examine
 from perception.window_features import STONE_CUTS, WindowSource, window_features
@@ -39,7 +39,7 @@ from rover_sim.learning.knowledge_text import knowledge_text, replace_tables
 from rover_sim.learning.rendered_views import make_world, rendered_views
 from rover_sim.scoring import FAR_M, resolved, true_classes
 from worlds.scenario import GroundTexture
-from worlds.types import BoolArray, FloatArray, IntArray
+from worlds.types import BoolArray, Frame, IntArray
 
 SUNS_DEG = {"high": (60.0, 55.0), "middle": (200.0, 32.0), "low": (310.0, 18.0)}
 TEXTURES: tuple[GroundTexture, ...] = get_args(GroundTexture)
@@ -55,8 +55,8 @@ class Labelled:
 
     sun: str
     texture: str
+    frame: Frame
     windows: WindowSource
-    features: dict[str, FloatArray]  # (192,) each, all that need no clast evidence
     letters: Letters  # (192,)
     clasts: IntArray  # (H, W) ids of rocks and pebbles
     near: BoolArray  # (H, W)
@@ -65,20 +65,16 @@ class Labelled:
 def gather(first_seed: int, worlds: int, know: Knowledge) -> list[Labelled]:
     """Pictures of ``worlds`` worlds."""
     pairs = [(sun, texture) for texture in TEXTURES for sun in SUNS_DEG]
-    names = tuple(n for n in (*know.terrain_rules.input_names, *PAPER_INPUTS) if n not in CLAST_INPUTS)
     found = []
     for index in range(worlds):
         sun, texture = pairs[index % len(pairs)]
         world = make_world(first_seed + index, ROUGHNESS_M, SUNS_DEG[sun], texture)
         for view in rendered_views(world, PICTURES):
             frame, truth = view.frame, view.truth
-            assert frame.camera_pose is not None
-            assert frame.ground is not None
-            windows = examine(frame.image, know, View(frame.camera, frame.camera_pose, frame.ground)).windows
-            features = {name: values.ravel() for name, values in window_features(windows, names).items()}
+            windows = windows_of(frame, know)
             letters = true_classes(view.clasts, truth.depth_m).ravel()
             near = np.asarray(truth.depth_m <= FAR_M)
-            found.append(Labelled(sun, texture, windows, features, letters, view.clasts, near))
+            found.append(Labelled(sun, texture, frame, windows, letters, view.clasts, near))
     return found
 
 
@@ -88,10 +84,18 @@ def clasts_from(views: Sequence[Labelled]) -> ClastKnowledge:
 
 
 def sample(view: Labelled, clasts: ClastKnowledge, know: Knowledge) -> GridSample:
-    """All features of a picture, those of clasts by ``clasts``."""
-    asked = tuple(n for n in know.terrain_rules.input_names if n in CLAST_INPUTS)
-    stones = window_features(replace(view.windows, clasts=clasts), asked)
-    return GridSample("", {**view.features, **{n: stones[n].ravel() for n in asked}}, view.letters)
+    """All features of a picture, its rocks and pebbles found by ``clasts``."""
+    windows = windows_of(view.frame, replace(know, clasts=clasts))
+    names = (*know.terrain_rules.input_names, *PAPER_INPUTS)
+    features = {name: values.ravel() for name, values in window_features(windows, names).items()}
+    return GridSample("", features, view.letters)
+
+
+def windows_of(frame: Frame, know: Knowledge) -> WindowSource:
+    """What the windows of a picture are judged by."""
+    assert frame.camera_pose is not None
+    assert frame.ground is not None
+    return examine(frame.image, know, View(frame.camera, frame.camera_pose, frame.ground)).windows
 
 
 def show(title: str, learned: Sequence[Labelled], scored: Sequence[Labelled], know: Knowledge) -> None:

@@ -38,15 +38,6 @@ class Binarized:
     mask: BoolArray
 
 
-def binarize(lab: SingleArray, grey: ByteArray, soil: SoilReference, hidden: BoolArray, know: Knowledge) -> Binarized:
-    """Rock pixels of a smoothed picture: ``lab`` (H, W, 3) CIE Lab, ``grey`` (H, W) the same in 8 bits.
-
-    ``hidden`` (H, W) marks sky and what else is no ground.
-    """
-    score = rock_score(lab, soil, hidden, know)
-    return Binarized(score, rock_mask(score, grey, know.binarization))
-
-
 def rock_mask(score: SingleArray, grey: ByteArray, how: Binarization) -> BoolArray:
     """Pixels (H, W) whose ``score`` passes their window's threshold, with closed outlines, cleaned."""
     rock = score > threshold_map(score, how, 20)

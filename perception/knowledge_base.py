@@ -59,6 +59,7 @@ LIMITS: Limits = {
     "sky.colour.least_width": (0.0, 1.0),
     "sky.grey.least_width": (0.0, 1.0),
     "parting.least_px": (1, 76800),
+    "clasts.rock_cut": (0.0, 1.0),
     "ground.max_range_m": (0.1, 1e4),
     "ground.horizon_dip_deg": (0.0, 45.0),
     "rock.min_certainty": (0.0, 1.0),
@@ -190,6 +191,7 @@ class ClastCues(_Table, frozen=True, kw_only=True):
 class ClastKnowledge(_Table, frozen=True, kw_only=True):
     """Evidence for clasts down to a few pixels: two looks."""
 
+    rock_cut: float  # chance over which a pixel belongs to a rock or pebble
     first: ClastCues
     second: ClastCues
 

@@ -20,6 +20,7 @@ SECOND_CUES = tuple(CLAST_CUES)
 QUANTILES = (0.005, 0.02, 0.06, 0.15, 0.35, 0.65, 0.85, 0.94, 0.98, 0.995)  # of a cue's values, where its knots are
 CLAST_QUANTILES = (0.1, 0.3, 0.5, 0.7, 0.9)  # of its values on clasts: these are few
 STIFFNESS = 1e-3
+ROCK_CUT = 0.35  # of 0.14 to 0.65 the best for rocks from 10 cm on worlds 300 to 329
 _STRIDE = 6, 4  # of the pixels that the first and the second look learn from
 
 
@@ -41,12 +42,13 @@ def learn_clasts(examples: Sequence[ClastExample]) -> ClastKnowledge:
     for own, one in zip(planes, examples, strict=True):
         add_second_planes(own, chance_of(own, first, one.windows.hidden))
     near = [_thinned(some & (own["chance_most"] >= GATE), _STRIDE[1]) for some, own in zip(counts, planes, strict=True)]
-    return ClastKnowledge(first=first, second=_fit(planes, clast, near, SECOND_CUES))
+    return ClastKnowledge(rock_cut=ROCK_CUT, first=first, second=_fit(planes, clast, near, SECOND_CUES))
 
 
 def clasts_toml(know: ClastKnowledge) -> str:
     """The table ``[clasts]`` of a knowledge file."""
     lines = ["# How likely a pixel shows a clast, down to pebbles of a few pixels, by evidence that adds up."]
+    lines += ["[clasts]", f"rock_cut = {know.rock_cut}"]
     for look, cues in (("first", know.first), ("second", know.second)):
         lines += [f"[clasts.{look}]", f"bias = {cues.bias}"]
         for name, cue in cues.named():

@@ -12,9 +12,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.binarize import Binarized, SingleArray, binarize
+from perception.binarize import Binarized, SingleArray, clean, rock_mask, rock_score
 from perception.blobs import Blobs, find_blobs, select
 from perception.class_definition import WINDOW_PX
+from perception.clasts import clast_chance, redness
 from perception.depth_rocks import placed_blobs, standing_blobs
 from perception.ground import beyond_horizon, footprint, window_centres, window_ranges
 from perception.knowledge_base import Knowledge, load_knowledge
@@ -24,7 +25,7 @@ from perception.rock_parting import part_rocks
 from perception.rock_placement import View, place_rocks
 from perception.shadow_height import with_shadows
 from perception.sky import sky_mask
-from perception.soil_reference import even_light, soil_reference
+from perception.soil_reference import SoilReference, even_light, soil_reference
 from perception.stereo import StereoView, depth_picture, measured_ground, refined
 from perception.terrain_class import classify
 from perception.window_features import WindowSource, window_features
@@ -99,17 +100,38 @@ def examine(
         hidden = hidden | (working_picture(covered.astype(np.uint8)) > 0)
     soil = soil_reference(lab, hidden, knowledge.soil)
     even = even_light(lab, soil)
-    found = binarize(even, soft_grey, soil, hidden, knowledge)
+    score, chance, found = rock_pixels(picture, grey, soft_grey, even, soil, hidden, knowledge)
     blobs, certainty = classify_blobs(grey, even, found, hidden, knowledge)
     shape = outlines(blobs, knowledge.rock.round_ratio)
-    windows = WindowSource(
-        picture, grey, lab, soil, found.score, blobs.labels, blobs.area_px, hidden, knowledge.clasts, _ranges(view)
-    )
+    windows = WindowSource(picture, grey, lab, soil, score, blobs.labels, blobs.area_px, hidden, chance, _ranges(view))
     features = window_features(windows, knowledge.terrain_rules.input_names)
     classes = classify(features, knowledge.terrain_rules, knowledge.terrain.min_certainty)
     rocks = _image_rocks(blobs, shape, certainty)
     mask = blobs.labels > 0
     return Perception(scale, found.score, mask, blobs.labels, hidden, rocks, shape, classes, windows, None)
+
+
+def rock_pixels(
+    picture: ByteArray,
+    grey: ByteArray,
+    soft_grey: ByteArray,
+    even: SingleArray,
+    soil: SoilReference,
+    hidden: BoolArray,
+    know: Knowledge,
+) -> tuple[SingleArray, SingleArray | None, Binarized]:
+    """Evidence of rock (H, W); the chance of clasts (H, W) where the knowledge has it; and the pixels of rocks.
+
+    Rocks are made of the pixels that show a clast, of evidence alone where there is no such chance or no colour.
+    ``soft_grey`` and ``even`` are low-passed, the latter (H, W, 3) with even light.
+    """
+    score, how = rock_score(even, soil, hidden, know), know.binarization
+    if know.clasts is None:
+        return score, None, Binarized(score, rock_mask(score, soft_grey, how))
+    chance = clast_chance(redness(picture, hidden), grey, score, hidden, know.clasts)
+    if not soil.coloured:
+        return score, chance, Binarized(score, rock_mask(score, soft_grey, how))
+    return score, chance, Binarized(chance, clean(chance > know.clasts.rock_cut, how))
 
 
 def on_ground(found: Perception, view: View, time_s: float, knowledge: Knowledge) -> Perception:

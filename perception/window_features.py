@@ -17,8 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from perception.class_definition import WINDOW_PX
-from perception.clasts import clast_chance, clast_stages, redness
-from perception.knowledge_base import ClastKnowledge
+from perception.clasts import clast_stages, redness
 from perception.soil_reference import SoilReference
 from perception.texture import Texture, window_texture
 from worlds.types import BoolArray, ByteArray, FloatArray, IntArray
@@ -44,7 +43,7 @@ class WindowSource:
     labels: IntArray  # rock id, 0 = none
     area_px: IntArray  # (R,) of the rocks
     hidden: BoolArray
-    clasts: ClastKnowledge | None = None
+    chance: SingleArray | None = None  # that a pixel shows a clast; inputs of clasts need it
     range_m: FloatArray | None = None  # (rows, columns) ground distance of the windows, NaN where there is no ground
 
 
@@ -100,11 +99,10 @@ class _Parts:
     def red(self) -> SingleArray:
         return redness(self.source.picture, self.source.hidden)
 
-    @cached_property
+    @property
     def clast_chance(self) -> SingleArray:
-        seen, know = self.source, self.source.clasts
-        assert know is not None  # a knowledge file whose rules ask for stones has the table
-        return clast_chance(self.red, seen.grey, seen.score, seen.hidden, know)
+        assert self.source.chance is not None  # a knowledge file whose rules ask for stones has the table
+        return self.source.chance
 
     def skyline(self) -> FloatArray:
         """How far the first ground from above lies under each window's upper edge, mean of its columns, in pixels."""

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from perception.blobs import find_blobs
+from perception.clasts import clast_chance, redness
 from perception.knowledge_base import TERRAIN_INPUTS, load_knowledge
 from perception.pipeline import examine
 from perception.soil_reference import SoilReference
@@ -26,7 +27,9 @@ def source(picture: ByteArray, rock: BoolArray | None = None, hidden: BoolArray 
     lab = np.broadcast_to(SOIL.lab, (*grey.shape, 3)).copy()
     score = (blobs.labels > 0).astype(np.float32)
     seen = none if hidden is None else hidden
-    return WindowSource(picture, grey, lab, SOIL, score, blobs.labels, blobs.area_px, seen, RENDERED.clasts)
+    assert RENDERED.clasts is not None
+    chance = clast_chance(redness(picture, seen), grey, score, seen, RENDERED.clasts)
+    return WindowSource(picture, grey, lab, SOIL, score, blobs.labels, blobs.area_px, seen, chance)
 
 
 def test_every_input_that_rules_may_name_is_measured() -> None:

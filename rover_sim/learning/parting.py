@@ -10,10 +10,10 @@ import msgspec
 import numpy as np
 
 from perception.additive_fit import fit_additive, quantile_knots
-from perception.binarize import SingleArray, binarize
+from perception.binarize import SingleArray
 from perception.blobs import Blobs, find_blobs
 from perception.knowledge_base import PARTING_CUES, Cue, Knowledge, Parting
-from perception.pipeline import View, hidden_mask, smoothed
+from perception.pipeline import View, hidden_mask, rock_pixels, smoothed
 from perception.rock_parting import Integers, all_cuts, side_of
 from perception.soil_reference import even_light, soil_reference
 from rover_sim.learning.rendered_views import RenderedView
@@ -94,7 +94,7 @@ def blobs_before_parting(view: RenderedView, know: Knowledge) -> tuple[Blobs, Si
     hidden = hidden_mask(grey, lab, View(frame.camera, frame.camera_pose, frame.ground), know)
     soil = soil_reference(lab, hidden, know.soil)
     even = even_light(lab, soil)
-    found = binarize(even, soft, soil, hidden, know)
+    _, _, found = rock_pixels(frame.image, grey, soft, even, soil, hidden, know)
     how = know.binarization
     return find_blobs(found.mask, how.min_area_px, how.neck_ratio), even, found.score
 
