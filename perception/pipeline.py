@@ -26,7 +26,7 @@ from perception.rock_placement import View, place_rocks
 from perception.shadow_height import with_shadows
 from perception.sky import sky_mask
 from perception.soil_reference import SoilReference, even_light, soil_reference
-from perception.stereo import StereoView, depth_picture, measured_ground, refined
+from perception.stereo import StereoView, depth_picture, measured_ground, on_measured, refined
 from perception.terrain_class import classify
 from perception.window_features import WindowSource, window_features
 from worlds.types import BoolArray, ByteArray, FloatArray, Frame, IntArray, Observation, PerceivedRock
@@ -172,7 +172,8 @@ def with_second_eye(
         else rock
         for rock in found.rocks
     )
-    return with_standing(replace(found, rocks=rocks), depth, eyes, knowledge)
+    observed = replace(found.observation, class_centre_w=on_measured(found.observation.class_centre_w, ground, eyes))
+    return with_standing(replace(found, rocks=rocks, observation=observed), depth, eyes, knowledge)
 
 
 def with_standing(found: Perception, depth_m: FloatArray, eyes: StereoView, knowledge: Knowledge) -> Perception:

@@ -136,6 +136,24 @@ def measured_ground(depth_m: FloatArray, labels: IntArray, hidden: BoolArray, ey
     return MeasuredGround(height, sd, over, slope)
 
 
+def on_measured(centre_w: FloatArray, ground: MeasuredGround, eyes: StereoView) -> FloatArray:
+    """Places (rows, columns, 2) of the centres of the picture's windows, moved from the plane to the measured ground.
+
+    A height counts as far as ground that rolls like this picture's explains it better than the error of its depths.
+    """
+    if not np.isfinite(ground.slope_sd):
+        return centre_w
+    shape = ground.height_m.shape
+    rows, columns = (
+        ((np.arange(n) + 0.5) * size / n).astype(int) for n, size in zip(centre_w.shape, shape, strict=False)
+    )
+    height, sd = (layer[np.ix_(rows, columns)] for layer in (ground.height_m, ground.sd_m))
+    sight = centre_w - eyes.view.pose.position_w[:2]
+    rolls = (ground.slope_sd * np.linalg.norm(sight, axis=-1)) ** 2
+    lift = np.where(np.isfinite(height), height * rolls / (rolls + sd**2), 0.0)
+    return np.asarray(eyes.view.pose.position_w[:2] + sight * (1.0 - lift / eyes.view.height_m)[..., None])
+
+
 def point_heights(depth_m: FloatArray, eyes: StereoView) -> FloatArray:
     """Heights (H, W) of the points of a depth map over the believed plane, in metres."""
     return np.asarray(eyes.view.height_m - depth_m * _fall(depth_m, eyes))

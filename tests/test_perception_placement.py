@@ -61,7 +61,7 @@ def test_a_dome_is_found_where_it_stands(away: float, bearing: float, radius: fl
     assert rock is not None
     assert np.hypot(rock.position_w[0] - x, rock.position_w[1] - y) < 0.03 + 0.25 * radius
     assert rock.position_w[2] == pytest.approx(0.0, abs=1e-9)
-    assert np.sqrt(rock.length_m * rock.width_m) == pytest.approx(2 * radius, rel=0.15)
+    assert np.sqrt(rock.length_m * rock.width_m) == pytest.approx(2 * radius, rel=0.12)
     assert rock.height_m == pytest.approx(flat * radius, abs=0.25 * radius)
     assert rock.range_m == pytest.approx(np.hypot(rock.position_w[0], rock.position_w[1]))
     assert rock.position_sd_m > 0

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from perception.camera import project, rays_c
-from perception.ground import ground_points
+from perception.ground import ground_points, window_centres
 from perception.knowledge_base import GroundKnowledge, load_knowledge
 from perception.pipeline import Perception, View, perceive
-from perception.stereo import MeasuredGround, StereoView, depth_picture, measured_ground, refined
+from perception.stereo import MeasuredGround, StereoView, depth_picture, measured_ground, on_measured, refined
 from rover_sim.cli import main
 from rover_sim.learning.rendered_views import make_world, rendered_views
 from rover_sim.sim.renderer import make_renderer
@@ -91,6 +91,17 @@ def test_ground_that_lies_higher_is_measured_and_brings_the_rock_nearer() -> Non
     flat = measured_ground(plane_depth(0.0), labels, np.zeros((240, 320), bool), EYES)
     assert flat.slope_sd == 0.0
     assert ground.slope_sd > 0.03
+
+
+def test_windows_lie_on_the_measured_ground() -> None:
+    labels, hidden = np.zeros((240, 320), np.int32), np.zeros((240, 320), bool)
+    believed = window_centres(CAMERA, POSE, VIEW.plane, (12, 16), 10.0)
+    moved = on_measured(believed, measured_ground(plane_depth(0.2), labels, hidden, EYES), EYES)
+    assert moved[3:] == pytest.approx(0.8 * believed[3:], abs=0.02)
+    flat = on_measured(believed, measured_ground(plane_depth(0.0), labels, hidden, EYES), EYES)
+    assert flat == pytest.approx(believed, nan_ok=True)
+    blind = measured_ground(np.full((240, 320), np.nan), labels, hidden, EYES)
+    assert on_measured(believed, blind, EYES) == pytest.approx(believed, nan_ok=True)
 
 
 def test_the_points_of_a_rock_tell_its_height() -> None:
