@@ -1,12 +1,11 @@
 """Pose check against the truth: no unsafe pose may be called safe, and how many safe ones are called unsafe.
 
-    uv run python benchmarks/pose_check.py [--poses 100000] [--rover husky] [--cell 0.05] [--sd 0.0] [--spot 0]
+    uv run python benchmarks/pose_check.py [--poses 100000] [--rover husky] [--cells 0.05] [--sds 0.0]
 
 Poses are drawn anywhere, also on rocks, on ground of several rock covers and slopes (fractal hills of 10 cm rms, rocks
 as half ellipsoids, 12.5 mm grid). The truth is `tests/settling.py`: least height of the centre of mass from five first
-guesses; a pose is unsafe if any rest that they find is, and safe if all are. The map that is checked has the lowest and
-the highest ground of each cell, or with ``--sd`` its middle and a variance, bounded at three deviations. ``--spot``
-poses are also set down in the simulator (PyBullet, firm soil) and their lean, clearance and margin compared.
+guesses; a pose is unsafe if any rest that they find is, and safe if all are. The map that is checked has a plane
+a cell and how far the ground leaves it, with ``--sds`` also an eye's error, bounded at three deviations.
 """
 
 from __future__ import annotations
