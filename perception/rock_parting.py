@@ -73,7 +73,7 @@ def _part_all(
     for blob in range(len(boxes)):
         box = boxes[blob]
         waiting = [blob + 1]
-        parts = 1
+        parts, first = 1, free
         while len(waiting) > 0 and parts < _MOST_PARTS:
             label = waiting.pop()
             measures, lines = all_cuts(labels, lab, score, label, box, least_px)
@@ -86,12 +86,44 @@ def _part_all(
                 waiting.append(free)
                 free += 1
                 parts += 1
+        if parts > 1:
+            free = _connected(labels, box, blob + 1, first, free)
 
 
 def side_of(x: Integers, y: Integers, line: IntArray, box: IntArray) -> BoolArray:
     """Which pixels (N,) of a blob, counted from the corner of its box, lie on the far side of a line."""
     across, down, start = _sweep(line[0], box)
     return np.asarray((x * across + y * down - start).astype(np.int64) >= line[1])
+
+
+@numba.njit(cache=True)
+def _connected(labels: IntArray, box: IntArray, blob: int, first: int, free: int) -> int:
+    """Give each 8-connected piece of a blob and of its parts, labelled from ``first`` to ``free``, a label of its own.
+
+    A straight line may cut a crooked blob more than once. The answer is the next free label.
+    """
+    left, top, right, bottom = box[0], box[1], box[0] + box[2], box[1] + box[3]
+    done = free  # labels from here on are of whole pieces
+    waiting = np.empty((box[2] * box[3], 2), dtype=np.int32)
+    for y in range(top, bottom):
+        for x in range(left, right):
+            label = labels[y, x]
+            if not (label == blob or first <= label < done):
+                continue
+            waiting[0] = y, x
+            labels[y, x] = free
+            count = 1
+            while count > 0:
+                count -= 1
+                row, column = waiting[count]
+                for near_row in range(max(row - 1, top), min(row + 2, bottom)):
+                    for near in range(max(column - 1, left), min(column + 2, right)):
+                        if labels[near_row, near] == label:
+                            labels[near_row, near] = free
+                            waiting[count] = near_row, near
+                            count += 1
+            free += 1
+    return free
 
 
 @numba.njit(cache=True)

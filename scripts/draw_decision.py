@@ -92,7 +92,7 @@ def _memory(axis: Any, moment: Moment) -> None:
     _frame(
         axis,
         moment,
-        "2  what is remembered: cells of 5 cm; rocks to go round (red),\nlow ones and far ones that are not sure yet (grey)",
+        "2  what is remembered: cells of 5 cm; rocks to go round\n(red), low ones and far ones not sure yet (grey)",
     )
 
 

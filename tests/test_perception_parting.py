@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
 from perception.blobs import Blobs, measured_blobs
 from perception.knowledge_base import PARTING_CUES, Cue, Parting, load_knowledge
-from perception.pipeline import examine
+from perception.pipeline import examine, perceive
 from perception.rock_parting import DIRECTIONS, all_cuts, cut, part_rocks, side_of
 from rover_sim.learning.knowledge_text import knowledge_text
+from rover_sim.learning.rendered_views import make_world, rendered_views
 from worlds.errors import InputError
 from worlds.types import FloatArray, IntArray
 
@@ -121,6 +123,26 @@ def test_evidence_of_hue_finds_the_border_of_two_rocks() -> None:
     found = parted(labels, lab, rule(hue_step=Cue(value=(0.0, 0.4), evidence=(-1.0, 1.0))))
     assert len(found) == 2
     assert sorted(found.area_px.tolist()) == [14 * 7, 12 * 9]
+
+
+def test_a_line_that_cuts_a_crooked_blob_twice_leaves_three_parts() -> None:
+    """A U lying on its back: the level cut through both arms leaves its floor and two arms."""
+    labels = squares((10, 10, 6, 12), (26, 10, 6, 12), (10, 22, 22, 6))
+    lab = evenly(labels)
+    lab[:22, :, 2] = -4.0
+    found = parted(labels, lab, rule(hue_step=Cue(value=(0.0, 0.4), evidence=(-1.0, 1.0))))
+    assert sorted(found.area_px.tolist()) == [72, 72, 132]
+    for number in range(3):
+        assert cv2.connectedComponents((found.labels == number + 1).astype(np.uint8))[0] == 2
+
+
+def test_every_blob_of_a_rendered_picture_is_one_piece_and_perceived_alike_twice() -> None:
+    view = next(rendered_views(make_world(302, 0.0), 1))
+    know = load_knowledge("rendered")
+    first, second = (perceive(view.frame, know) for _ in range(2))
+    assert first.rocks == second.rocks
+    for rock in first.rocks:
+        assert cv2.connectedComponents((first.labels == rock.id).astype(np.uint8))[0] == 2
 
 
 def test_parts_that_are_too_small_are_dropped() -> None:
