@@ -19,7 +19,6 @@ import cv2
 import numpy as np
 
 from perception.class_definition import WINDOW_PX
-from perception.ground import beyond_horizon
 from perception.knowledge_base import Knowledge, load_knowledge
 from perception.pipeline import (
     View,
@@ -27,12 +26,11 @@ from perception.pipeline import (
     examine,
     on_ground,
     perceive,
+    prepare,
     rock_pixels,
-    smoothed,
     working_picture,
 )
 from perception.rock_geometry import outlines
-from perception.soil_reference import even_light, soil_reference
 from perception.terrain_class import classify
 from perception.texture import window_texture
 from perception.window_features import window_features
@@ -93,30 +91,22 @@ def stages(frame: Frame, know: Knowledge) -> dict[str, Work]:
     assert frame.camera_pose is not None
     assert frame.ground is not None
     view, picture = View(frame.camera, frame.camera_pose, frame.ground), frame.image
-    grey = np.asarray(cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY), dtype=np.uint8)
-    lab, soft = smoothed(picture, know.binarization.blur_px)
-    dip = float(np.deg2rad(know.ground.horizon_dip_deg))
-    hidden = beyond_horizon(view.camera, view.pose, view.plane, (240, 320), dip)
-    soil = soil_reference(lab, hidden, know.soil)
-    even = even_light(lab, soil)
-    _, _, found = rock_pixels(picture, grey, soft, even, soil, hidden, know)
-    blobs, _ = classify_blobs(grey, even, found, hidden, know)
+    ready = prepare(picture, know, view)
+    _, _, found = rock_pixels(ready, know)
+    blobs, _ = classify_blobs(ready.grey, ready.even, found, ready.hidden, know)
     seen = examine(picture, know, view)
     names, least = know.terrain_rules.input_names, know.terrain.min_certainty
     features = window_features(seen.windows, names)
     return {
-        "rock pixels": lambda: rock_pixels(
-            picture, grey, soft, even_light(lab, soil_reference(lab, hidden, know.soil)), soil, hidden, know
-        ),
+        "low-pass, colour, horizon, soil": lambda: prepare(picture, know, view),
+        "rock pixels": lambda: rock_pixels(ready, know),
         "blobs, certainty, geometry": lambda: outlines(
-            classify_blobs(grey, even, found, hidden, know)[0], know.rock.round_ratio
+            classify_blobs(ready.grey, ready.even, found, ready.hidden, know)[0], know.rock.round_ratio
         ),
         "classes": lambda: classify(window_features(seen.windows, names), know.terrain_rules, least),
         "  of which rules": lambda: classify(features, know.terrain_rules, least),
-        "low-pass and colour": lambda: smoothed(picture, know.binarization.blur_px),
-        "horizon": lambda: beyond_horizon(view.camera, view.pose, view.plane, (240, 320), dip),
         "on the ground": lambda: on_ground(seen, view, 0.0, know),
-        f"(co-occurrence of all windows; {len(blobs)} rocks)": lambda: window_texture(grey, WINDOW_PX),
+        f"(co-occurrence of all windows; {len(blobs)} rocks)": lambda: window_texture(ready.grey, WINDOW_PX),
     }  # fmt: skip
 
 

@@ -9,7 +9,6 @@ Trans. SMC 9(1), 1979) is interpolated between the window centres, so that no se
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
 
 import cv2
 import msgspec
@@ -17,17 +16,14 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.cues import COLOUR_CUES, Planes, colour_likeness, cue_planes
+from perception.cues import COLOUR_CUES, colour_likeness, cue_planes
+from perception.evidence import Planes, chance_of
 from perception.knowledge_base import Binarization, CueSet, Knowledge
 from perception.soil_reference import SoilReference
 from worlds.types import BoolArray, ByteArray, FloatArray
 
 SingleArray = NDArray[np.float32]
-SingleNumber = np.float32
 _SCORE_BINS = 64
-_TABLE_STEPS = 2048  # of sampled evidence: the largest error is about 0.02 where the steepest cue bends
-_FIRST, _HALF, _LAST = np.float32(0.0), np.float32(0.5), np.float32(_TABLE_STEPS)
-_LOGISTIC_REACH = 16.0  # beyond it a score is 0 or 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,12 +47,13 @@ def rock_score(lab: SingleArray, soil: SoilReference, hidden: BoolArray, know: K
     """
     first, second = looks(know, coloured=soil.coloured)
     names = {name for cues in (first, second) if cues is not None for name, _ in cues.named()}
+    if not names:  # cues of colour only, and a picture without
+        return np.zeros(lab.shape[:2], dtype=np.float32)
     planes = cue_planes(lab, soil, names, know.cues.shade_compensation, know.binarization.roughness_window_px)
-    score = evidence_score(planes, first)
+    score = evidence_score(planes, first, hidden)
     if second is not None:
         planes["likeness"] = colour_likeness(lab, score, soil, hidden)
-        score = evidence_score(planes, second)
-    score[hidden] = 0.0
+        score = evidence_score(planes, second, hidden)
     return score
 
 
@@ -69,13 +66,9 @@ def looks(know: Knowledge, *, coloured: bool) -> tuple[CueSet, CueSet | None]:
     return msgspec.structs.replace(know.cues, **dict.fromkeys(COLOUR_CUES)), None
 
 
-def evidence_score(planes: Planes, cues: CueSet) -> SingleArray:
-    """Logistic curve (H, W) of the evidence that all ``cues`` give together."""
-    shape = next(iter(planes.values())).shape
-    total = np.full(shape, cues.bias, dtype=np.float32)
-    for name, cue in cues.named():
-        _add_evidence(total, planes[name], evidence_table(cue.value, cue.evidence))
-    return np.asarray(_through_table(total, _LOGISTIC))
+def evidence_score(planes: Planes, cues: CueSet, hidden: BoolArray | None = None) -> SingleArray:
+    """Logistic curve (H, W) of the evidence that all ``cues`` give together; 0 where ``hidden``."""
+    return chance_of(planes, cues.bias, cues.named(), hidden)
 
 
 def threshold_map(score: SingleArray, how: Binarization, window_px: int) -> SingleArray:
@@ -110,44 +103,6 @@ def _filled(rock: ByteArray) -> ByteArray:
 
 def _disc(size_px: int) -> ByteArray:
     return np.asarray(cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size_px, size_px)), dtype=np.uint8)
-
-
-@lru_cache(maxsize=64)
-def evidence_table(knots: tuple[float, ...], evidence: tuple[float, ...]) -> SingleArray:
-    """Evidence sampled between the first and the last of the ``knots``, for the compiled kernels.
-
-    (2 + samples): the first knot, steps a unit, and the samples.
-    """
-    values = np.interp(np.linspace(knots[0], knots[-1], _TABLE_STEPS + 1), knots, evidence)
-    return np.concatenate([[knots[0], _TABLE_STEPS / (knots[-1] - knots[0])], values]).astype(np.float32)
-
-
-_REACHED = np.linspace(-_LOGISTIC_REACH, _LOGISTIC_REACH, _TABLE_STEPS + 1)
-_LOGISTIC = evidence_table(tuple(_REACHED), tuple(1.0 / (1.0 + np.exp(-_REACHED))))
-
-
-@numba.njit(cache=True, inline="always")
-def _evidence(value: SingleNumber, table: SingleArray) -> SingleNumber:
-    """Evidence at ``value``: first entries of the table are its start and its steps a unit, the rest the samples."""
-    place = min(max((value - table[0]) * table[1], _FIRST), _LAST)
-    evidence: SingleNumber = table[np.uintp(np.int32(place + _HALF)) + np.uintp(2)]
-    return evidence
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _add_evidence(total: SingleArray, plane: SingleArray, table: SingleArray) -> None:
-    for y in range(total.shape[0]):
-        for x in range(total.shape[1]):
-            total[y, x] += _evidence(plane[y, x], table)
-
-
-@numba.njit(cache=True, error_model="numpy")
-def _through_table(values: SingleArray, table: SingleArray) -> SingleArray:
-    answer = np.empty_like(values)
-    for y in range(values.shape[0]):
-        for x in range(values.shape[1]):
-            answer[y, x] = _evidence(values[y, x], table)
-    return answer
 
 
 @numba.njit(cache=True)

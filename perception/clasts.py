@@ -1,8 +1,9 @@
 """Clasts down to a few pixels, pebbles as well as rocks: how likely each pixel shows one, by evidence that adds up.
 
-Rocks are found apart (`perception.binarize`) and with care for their outlines; pebbles are too small for that. What
-gives them away is that they are less red than the soil. The ratio of red to blue does not change with the light on a
-surface, and of all mixtures of channels with that property it stands out most from noise that is alike in all channels.
+What gives them away is that they are less red than the soil. The ratio of red to blue does not change with the light
+on a surface, and of all mixtures of channels with that property it stands out most from noise that is alike in all
+channels. Where a knowledge file has this evidence, rocks are made of these pixels too (`perception.pipeline`); the
+evidence of rock (`perception.binarize`) is one of its cues.
 
 Two looks: the first judges each pixel by itself and its neighbourhood; the second, where the first found anything
 near, also by what the first says of its neighbours.
@@ -13,21 +14,16 @@ from __future__ import annotations
 import cv2
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-from perception.binarize import evidence_table
 from perception.class_definition import window_stages
-from perception.knowledge_base import ClastCues, ClastKnowledge
+from perception.evidence import Planes, SingleArray, chance_of
+from perception.knowledge_base import ClastKnowledge
 from worlds.types import BoolArray, ByteArray, FloatArray
 
-SingleArray = NDArray[np.float32]
-Planes = dict[str, SingleArray]
 AROUND_PX, LIGHT_AROUND_PX = 7, 13
 GATE = 0.05  # of the first look's chances at a pixel and its eight neighbours; under it there is no second look
-_LOGARITHMS = np.log(np.arange(256) + 1.0).astype(np.float32)
-_LOGISTIC_REACH, _LOGISTIC_STEPS = 8.0, 2048
-_LOGISTIC = (1 / (1 + np.exp(-np.linspace(-_LOGISTIC_REACH, _LOGISTIC_REACH, _LOGISTIC_STEPS + 1)))).astype(np.float32)
 _NEAR = np.ones((3, 3), dtype=np.uint8)
+_LOGARITHMS = np.log(np.arange(256) + 1.0).astype(np.float32)
 
 
 def redness(picture: ByteArray, hidden: BoolArray) -> SingleArray:
@@ -57,9 +53,10 @@ def _two_looks(
     red: SingleArray, grey: ByteArray, score: SingleArray, hidden: BoolArray, know: ClastKnowledge
 ) -> SingleArray:
     planes = first_planes(red, grey, score)
-    chance = chance_of(planes, know.first, hidden)
+    chance = chance_of(planes, know.first.bias, know.first.named(), hidden)
     add_second_planes(planes, chance)
-    return chance_of(planes, know.second, hidden | (planes["chance_most"] < GATE), chance)
+    unlikely = hidden | (planes["chance_most"] < GATE)
+    return chance_of(planes, know.second.bias, know.second.named(), unlikely, chance)
 
 
 def clast_stages(chance: SingleArray, cut: float) -> FloatArray:
@@ -102,15 +99,6 @@ def _mean(plane: SingleArray, size_px: int) -> SingleArray:
     return np.asarray(cv2.blur(plane, (size_px, size_px)), dtype=np.float32)
 
 
-def chance_of(planes: Planes, cues: ClastCues, skipped: BoolArray, otherwise: SingleArray | None = None) -> SingleArray:
-    """Logistic curve (H, W) of the evidence of ``cues``; where ``skipped``, what ``otherwise`` says, or 0."""
-    named = cues.named()
-    total = np.zeros(skipped.shape, dtype=np.float32) if otherwise is None else otherwise.copy()
-    tables = np.stack([evidence_table(cue.value, cue.evidence) for _, cue in named])
-    _add_up(tuple(planes[name] for name, _ in named), tables, cues.bias, skipped, total)
-    return total
-
-
 @njit(cache=True, nogil=True)
 def _logarithm_of_ratio(picture: ByteArray) -> SingleArray:
     """Logarithm of red over blue (H, W)."""
@@ -119,34 +107,3 @@ def _logarithm_of_ratio(picture: ByteArray) -> SingleArray:
         for x in range(picture.shape[1]):
             ratio[y, x] = _LOGARITHMS[picture[y, x, 0]] - _LOGARITHMS[picture[y, x, 2]]
     return ratio
-
-
-@njit(cache=True, nogil=True, fastmath=True)
-def _add_up(
-    planes: tuple[SingleArray, ...], tables: SingleArray, bias: float, skipped: BoolArray, out: SingleArray
-) -> None:
-    """Write the logistic curve of all evidence into ``out`` (H, W) where not ``skipped``."""
-    columns = np.empty(out.shape[1], dtype=np.int32)  # of a row's pixels that are not skipped
-    total = np.empty(out.shape[1], dtype=np.float32)
-    zero, half, last, top = (
-        np.float32(0.0),
-        np.float32(0.5),
-        np.float32(tables.shape[1] - 3),
-        np.float32(_LOGISTIC_STEPS),
-    )
-    reach, per = np.float32(_LOGISTIC_REACH), np.float32(_LOGISTIC_STEPS / (2 * _LOGISTIC_REACH))
-    for y in range(out.shape[0]):
-        number = 0
-        for x in range(out.shape[1]):
-            columns[number] = x
-            number += not skipped[y, x]
-        total[:number] = bias
-        for cue in range(len(planes)):
-            plane, table = planes[cue], tables[cue]
-            first, step = table[0], table[1]
-            for i in range(number):
-                place = min(max((plane[y, columns[i]] - first) * step, zero), last)
-                total[i] += table[2 + np.int32(place + half)]
-        for i in range(number):
-            place = min(max((total[i] + reach) * per, zero), top)
-            out[y, columns[i]] = _LOGISTIC[np.int32(place + half)]

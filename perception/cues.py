@@ -8,11 +8,11 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from perception.evidence import Planes
 from perception.soil_reference import SoilReference, mean_gradient
 from worlds.types import BoolArray
 
 SingleArray = NDArray[np.float32]
-Planes = dict[str, SingleArray]
 COLOUR_CUES = frozenset({"green_red", "blue_yellow"})
 _CHANNELS = {"lightness": 0, "green_red": 1, "blue_yellow": 2}
 _BINS = (16, 8, 8)  # of the colour histogram, in L*, a* and b*

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -89,6 +90,11 @@ class Cue(_Table, frozen=True, kw_only=True):
 
     value: tuple[float, ...]
     evidence: tuple[float, ...]
+
+
+def cue_lines(named: Iterable[tuple[str, Cue]]) -> list[str]:
+    """Lines of a knowledge file, one a cue."""
+    return [f"{name} = {{ value = {list(cue.value)}, evidence = {list(cue.evidence)} }}" for name, cue in named]
 
 
 def _named(table: _Table, names: tuple[str, ...]) -> tuple[tuple[str, Cue], ...]:
@@ -256,7 +262,7 @@ class _File(_Table, frozen=True, kw_only=True):
     grey_cues: CueSet | None = None  # the only look at pictures without colour; None: `cues` without those of colour
     binarization: Binarization
     parting: Parting | None = None  # lines that part the rocks of one blob; None: necks alone part them
-    clasts: ClastKnowledge | None = None  # None: no rule asks for clasts
+    clasts: ClastKnowledge | None = None  # None: rocks are made of their own evidence, and no rule asks for clasts
     sky: Sky
     ground: GroundKnowledge
     rock: RockKnowledge

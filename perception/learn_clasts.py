@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from perception.additive_fit import fit_additive, quantile_knots
-from perception.clasts import GATE, Planes, add_second_planes, chance_of, first_planes, redness
-from perception.knowledge_base import CLAST_CUES, ClastCues, ClastKnowledge, Cue
+from perception.clasts import GATE, add_second_planes, first_planes, redness
+from perception.evidence import Planes, chance_of
+from perception.knowledge_base import CLAST_CUES, ClastCues, ClastKnowledge, Cue, cue_lines
 from perception.window_features import WindowSource
 from worlds.types import BoolArray, FloatArray
 
@@ -40,7 +41,7 @@ def learn_clasts(examples: Sequence[ClastExample]) -> ClastKnowledge:
     clast = [one.clast for one in examples]
     first = _fit(planes, clast, [_thinned(some, _STRIDE[0]) for some in counts], FIRST_CUES)
     for own, one in zip(planes, examples, strict=True):
-        add_second_planes(own, chance_of(own, first, one.windows.hidden))
+        add_second_planes(own, chance_of(own, first.bias, first.named(), one.windows.hidden))
     near = [_thinned(some & (own["chance_most"] >= GATE), _STRIDE[1]) for some, own in zip(counts, planes, strict=True)]
     return ClastKnowledge(rock_cut=ROCK_CUT, first=first, second=_fit(planes, clast, near, SECOND_CUES))
 
@@ -50,9 +51,7 @@ def clasts_toml(know: ClastKnowledge) -> str:
     lines = ["# How likely a pixel shows a clast, down to pebbles of a few pixels, by evidence that adds up."]
     lines += ["[clasts]", f"rock_cut = {know.rock_cut}"]
     for look, cues in (("first", know.first), ("second", know.second)):
-        lines += [f"[clasts.{look}]", f"bias = {cues.bias}"]
-        for name, cue in cues.named():
-            lines.append(f"{name} = {{ value = {list(cue.value)}, evidence = {list(cue.evidence)} }}")
+        lines += [f"[clasts.{look}]", f"bias = {cues.bias}", *cue_lines(cues.named())]
     return "\n".join(lines) + "\n"
 
 

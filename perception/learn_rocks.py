@@ -19,8 +19,9 @@ from numpy.typing import NDArray
 
 from perception.additive_fit import fit_additive, quantile_knots
 from perception.binarize import Binarized, evidence_score, rock_mask
-from perception.cues import Planes, SingleArray, colour_likeness, cue_planes
-from perception.knowledge_base import Cue, CueSet, Knowledge, RockCues, SoilKnowledge
+from perception.cues import SingleArray, colour_likeness, cue_planes
+from perception.evidence import Planes
+from perception.knowledge_base import Cue, CueSet, Knowledge, RockCues, SoilKnowledge, cue_lines
 from perception.pipeline import classify_blobs, hidden_mask, smoothed
 from perception.rock_score import RockCounts, count_rocks
 from perception.soil_reference import SoilReference, even_light, soil_reference
@@ -102,10 +103,7 @@ def choose_soil(examples: Sequence[_Smoothed], know: Knowledge) -> SoilKnowledge
 
 def choose_cuts(ready: Sequence[_Prepared], know: Knowledge) -> Knowledge:
     """The threshold that fits rock pixels best (IoU); then neck ratio and least certainty, by rock objects (F1)."""
-    scores = []
-    for one in ready:
-        scores.append(evidence_score(one.planes, know.second_cues or know.cues))
-        scores[-1][one.hidden] = 0.0
+    scores = [evidence_score(one.planes, know.second_cues or know.cues, one.hidden) for one in ready]
 
     def counts(know: Knowledge) -> RockCounts:
         total = RockCounts()
@@ -164,8 +162,7 @@ def cues_toml(table: str, cues: CueSet) -> str:
     lines = [f"[{table}]", f"bias = {cues.bias}"]
     if isinstance(cues, RockCues):
         lines.append(f"shade_compensation = {cues.shade_compensation}")
-    for name, cue in cues.named():
-        lines.append(f"{name} = {{ value = {list(cue.value)}, evidence = {list(cue.evidence)} }}")
+    lines += cue_lines(cues.named())
     return "\n".join(lines) + "\n"
 
 

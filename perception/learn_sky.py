@@ -11,7 +11,7 @@ import msgspec
 import numpy as np
 
 from perception.additive_fit import fit_additive, quantile_knots
-from perception.knowledge_base import Cue, Sky, SkyEvidence
+from perception.knowledge_base import Cue, Sky, SkyEvidence, cue_lines
 from perception.pipeline import missing_data, smoothed, working_picture
 from perception.sky import SingleArray, cell_evidence, over_line, sky_cues, wide_skyline
 from perception.window_features import window_mean
@@ -155,9 +155,7 @@ def sky_toml(sky: Sky) -> str:
     for name, table in (("colour", sky.colour), ("grey", sky.grey)):
         numbers = ("bias", "step_cost", "least", "least_width")
         lines += [f"[sky.{name}]", *(f"{key} = {getattr(table, key)}" for key in numbers)]
-        for cue_name, cue in table.named():
-            lines.append(f"{cue_name} = {{ value = {list(cue.value)}, evidence = {list(cue.evidence)} }}")
-        lines.append("")
+        lines += [*cue_lines(table.named()), ""]
     return "\n".join(lines)
 
 

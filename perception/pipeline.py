@@ -71,6 +71,19 @@ class Perception:
     observation: Observation | None
 
 
+@dataclass(frozen=True, eq=False)
+class Prepared:
+    """A working picture with what the search for rocks needs of it, (H, W) each where not said otherwise."""
+
+    picture: ByteArray  # grey, or RGB (H, W, 3)
+    grey: ByteArray
+    soft_grey: ByteArray  # low-passed
+    lab: SingleArray  # (H, W, 3) of the low-passed picture
+    hidden: BoolArray
+    soil: SoilReference
+    even: SingleArray  # (H, W, 3): lab with even light
+
+
 def perceive(frame: Frame, knowledge: Knowledge, covered: BoolArray | None = None) -> Perception:
     """Rocks and terrain classes of one frame; without camera pose and ground there is no observation.
 
@@ -80,57 +93,55 @@ def perceive(frame: Frame, knowledge: Knowledge, covered: BoolArray | None = Non
         return examine(frame.image, knowledge)
     view = View(frame.camera, frame.camera_pose, frame.ground, frame.to_sun_w)
     found = on_ground(examine(frame.image, knowledge, view, covered), view, frame.time_s, knowledge)
-    return (
-        found
-        if frame.right is None
-        else with_second_eye(found, view, frame.image, frame.right, frame.baseline_m, knowledge)
-    )
+    if frame.right is None:
+        return found
+    return with_second_eye(found, view, frame.image, frame.right, frame.baseline_m, knowledge)
 
 
 def examine(
     image: ByteArray, knowledge: Knowledge, view: View | None = None, covered: BoolArray | None = None
 ) -> Perception:
     """All that one picture, grey (H, W) or RGB (H, W, 3), shows; ``view`` only tells where the horizon is."""
-    picture = working_picture(image)
     scale = (image.shape[1] / WORKING_SIZE_PX[0], image.shape[0] / WORKING_SIZE_PX[1])
-    lab, soft_grey = smoothed(picture, knowledge.binarization.blur_px)
-    grey = picture if picture.ndim == 2 else np.asarray(cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY), dtype=np.uint8)
-    hidden = hidden_mask(grey, lab, view, knowledge)
-    if covered is not None:
-        hidden = hidden | (working_picture(covered.astype(np.uint8)) > 0)
-    soil = soil_reference(lab, hidden, knowledge.soil)
-    even = even_light(lab, soil)
-    score, chance, found = rock_pixels(picture, grey, soft_grey, even, soil, hidden, knowledge)
-    blobs, certainty = classify_blobs(grey, even, found, hidden, knowledge)
+    ready = prepare(working_picture(image), knowledge, view, covered)
+    score, chance, found = rock_pixels(ready, knowledge)
+    blobs, certainty = classify_blobs(ready.grey, ready.even, found, ready.hidden, knowledge)
     shape = outlines(blobs, knowledge.rock.round_ratio)
-    windows = WindowSource(picture, grey, lab, soil, score, blobs.labels, blobs.area_px, hidden, chance, _ranges(view))
+    windows = WindowSource(
+        ready.picture, ready.grey, ready.lab, ready.soil, score, blobs.labels, blobs.area_px, ready.hidden, chance,
+        _ranges(view),
+    )  # fmt: skip
     features = window_features(windows, knowledge.terrain_rules.input_names)
     classes = classify(features, knowledge.terrain_rules, knowledge.terrain.min_certainty)
     rocks = _image_rocks(blobs, shape, certainty)
     mask = blobs.labels > 0
-    return Perception(scale, found.score, mask, blobs.labels, hidden, rocks, shape, classes, windows, None)
+    return Perception(scale, found.score, mask, blobs.labels, ready.hidden, rocks, shape, classes, windows, None)
 
 
-def rock_pixels(
-    picture: ByteArray,
-    grey: ByteArray,
-    soft_grey: ByteArray,
-    even: SingleArray,
-    soil: SoilReference,
-    hidden: BoolArray,
-    know: Knowledge,
-) -> tuple[SingleArray, SingleArray | None, Binarized]:
+def prepare(
+    picture: ByteArray, know: Knowledge, view: View | None = None, covered: BoolArray | None = None
+) -> Prepared:
+    """A working picture, grey (240, 320) or RGB (240, 320, 3), ready for the search; arguments as of `examine`."""
+    lab, soft_grey = smoothed(picture, know.binarization.blur_px)
+    grey = picture if picture.ndim == 2 else np.asarray(cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY), dtype=np.uint8)
+    hidden = hidden_mask(grey, lab, view, know)
+    if covered is not None:
+        hidden = hidden | (working_picture(covered.astype(np.uint8)) > 0)
+    soil = soil_reference(lab, hidden, know.soil)
+    return Prepared(picture, grey, soft_grey, lab, hidden, soil, even_light(lab, soil))
+
+
+def rock_pixels(ready: Prepared, know: Knowledge) -> tuple[SingleArray, SingleArray | None, Binarized]:
     """Evidence of rock (H, W); the chance of clasts (H, W) where the knowledge has it; and the pixels of rocks.
 
     Rocks are made of the pixels that show a clast, of evidence alone where there is no such chance or no colour.
-    ``soft_grey`` and ``even`` are low-passed, the latter (H, W, 3) with even light.
     """
-    score, how = rock_score(even, soil, hidden, know), know.binarization
+    score, how = rock_score(ready.even, ready.soil, ready.hidden, know), know.binarization
     if know.clasts is None:
-        return score, None, Binarized(score, rock_mask(score, soft_grey, how))
-    chance = clast_chance(redness(picture, hidden), grey, score, hidden, know.clasts)
-    if not soil.coloured:
-        return score, chance, Binarized(score, rock_mask(score, soft_grey, how))
+        return score, None, Binarized(score, rock_mask(score, ready.soft_grey, how))
+    chance = clast_chance(redness(ready.picture, ready.hidden), ready.grey, score, ready.hidden, know.clasts)
+    if not ready.soil.coloured:
+        return score, chance, Binarized(score, rock_mask(score, ready.soft_grey, how))
     return score, chance, Binarized(chance, clean(chance > know.clasts.rock_cut, how))
 
 

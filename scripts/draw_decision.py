@@ -24,12 +24,13 @@ from rover_sim.onboard import OnboardComputer, Sight
 from rover_sim.report.perceived_overlay import draw_overlay
 from rover_sim.sim.rover import load_rover
 from rover_sim.traverse import RunOptions, Traverse
-from rover_sim.trials.suites import trials_of
+from rover_sim.trials.suites import Choices, trials_of
 from worlds.build import build_world
 from worlds.types import FloatArray
 
 mpl.use("Agg")
 from matplotlib import pyplot as plt
+from matplotlib.patches import Circle
 
 OUT = Path(__file__).resolve().parents[1] / "docs" / "images" / "decision.png"
 EARLIEST_S = 5.0
@@ -47,7 +48,7 @@ class Moment:
 
 def find_moment(cfa: float, seed: int, least_ways: int) -> Moment:
     """Drive until such a decision is made; SystemExit if the run ends without one."""
-    cell = {"cfa": [cfa], "slope_deg": [0.0], "soil": ["mars_sand"]}
+    cell: Choices = {"cfa": (cfa,), "slope_deg": (0.0,), "soil": ("mars_sand",)}
     scenario = trials_of("nav", cell, [seed], None)[0].scenario
     found: list[Moment] = []
     with Traverse(build_world(scenario, seed), load_rover(scenario.rover.model), RunOptions()) as traverse:
@@ -118,11 +119,11 @@ def _ways(axis: Any, moment: Moment) -> None:
     """The candidates with their scores, and the one chosen."""
     decision = moment.sight.decision
     _rocks(axis, moment)
-    colours = plt.get_cmap("tab10").colors
+    colours = plt.get_cmap("tab10")
     for number, (way, score) in enumerate(zip(decision.candidates, decision.scores, strict=True)):
         points = way.waypoints_w
         label = f"{way.cost:.1f} m by cost, traversability {score:.2f}"
-        axis.plot(points[:, 0], points[:, 1], "-o", color=colours[number], markersize=3, linewidth=1.5, label=label)
+        axis.plot(points[:, 0], points[:, 1], "-o", color=colours(number), markersize=3, linewidth=1.5, label=label)
     chosen = decision.waypoints_w
     axis.plot(chosen[:, 0], chosen[:, 1], color="black", linewidth=5, alpha=0.3, label=f"driven: {decision.reason}")
     axis.legend(loc="lower right", fontsize=8)
@@ -135,7 +136,7 @@ def _rocks(axis: Any, moment: Moment) -> None:
     for ax, ay, bx, by, radius, _, hard in table:
         places = np.linspace((ax, ay), (bx, by), 5)
         for px, py in places:
-            axis.add_patch(plt.Circle((px, py), radius, color="firebrick" if hard else "0.6", alpha=0.5, linewidth=0))
+            axis.add_patch(Circle((px, py), radius, color="firebrick" if hard else "0.6", alpha=0.5, linewidth=0))
 
 
 def _frame(axis: Any, moment: Moment, title: str) -> None:

@@ -6,8 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from perception.binarize import clean, close_edges, evidence_table, threshold_map
+from perception.binarize import clean, close_edges, threshold_map
 from perception.blobs import find_blobs, select
+from perception.evidence import evidence_table
 from perception.knowledge_base import load_knowledge
 from perception.pipeline import skyline_bands
 from perception.rock_geometry import formation, outlines, probe_sections

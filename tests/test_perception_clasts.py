@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from perception.class_definition import STAGES, window_stages
-from perception.clasts import chance_of, clast_chance, clast_stages, first_planes, redness
+from perception.clasts import clast_chance, clast_stages, first_planes, redness
+from perception.evidence import chance_of
 from perception.knowledge_base import load_knowledge
 from perception.learn_clasts import ClastExample, clasts_toml, learn_clasts
 from perception.pipeline import examine
@@ -66,7 +67,7 @@ def test_a_look_adds_up_the_evidence_of_its_cues() -> None:
     for name, cue in cues.named():
         total += np.interp(planes[name], cue.value, cue.evidence)
     expected = np.where(windows.hidden, 0.0, 1.0 / (1.0 + np.exp(-total)))
-    apart = np.abs(chance_of(planes, cues, windows.hidden) - expected)
+    apart = np.abs(chance_of(planes, cues.bias, cues.named(), windows.hidden) - expected)
     assert apart.mean() < 0.002
     assert (apart > 0.05).mean() < 0.001  # the kernel's tables have even steps: knots close together are cut short
 

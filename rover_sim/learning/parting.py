@@ -5,17 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-import cv2
 import msgspec
 import numpy as np
 
 from perception.additive_fit import fit_additive, quantile_knots
 from perception.binarize import SingleArray
 from perception.blobs import Blobs, find_blobs
-from perception.knowledge_base import PARTING_CUES, Cue, Knowledge, Parting
-from perception.pipeline import View, hidden_mask, rock_pixels, smoothed
+from perception.knowledge_base import PARTING_CUES, Cue, Knowledge, Parting, cue_lines
+from perception.pipeline import View, prepare, rock_pixels, working_picture
 from perception.rock_parting import Integers, all_cuts, side_of
-from perception.soil_reference import even_light, soil_reference
 from rover_sim.learning.rendered_views import RenderedView
 from worlds.types import BoolArray, FloatArray, IntArray
 
@@ -79,8 +77,7 @@ def with_parting(know: Knowledge, parting: Parting, threshold: float) -> Knowled
 def parting_toml(parting: Parting) -> str:
     """The TOML table."""
     lines = ["[parting]", *(f"{name} = {getattr(parting, name)}" for name in ("bias", "threshold", "least_px"))]
-    for name, cue in parting.named():
-        lines.append(f"{name} = {{ value = {list(cue.value)}, evidence = {list(cue.evidence)} }}")
+    lines += cue_lines(parting.named())
     return "\n".join(lines) + "\n"
 
 
@@ -89,14 +86,10 @@ def blobs_before_parting(view: RenderedView, know: Knowledge) -> tuple[Blobs, Si
     frame = view.frame
     assert frame.camera_pose is not None
     assert frame.ground is not None
-    grey = np.asarray(cv2.cvtColor(frame.image, cv2.COLOR_RGB2GRAY), dtype=np.uint8)
-    lab, soft = smoothed(frame.image, know.binarization.blur_px)
-    hidden = hidden_mask(grey, lab, View(frame.camera, frame.camera_pose, frame.ground), know)
-    soil = soil_reference(lab, hidden, know.soil)
-    even = even_light(lab, soil)
-    _, _, found = rock_pixels(frame.image, grey, soft, even, soil, hidden, know)
+    ready = prepare(working_picture(frame.image), know, View(frame.camera, frame.camera_pose, frame.ground))
+    _, _, found = rock_pixels(ready, know)
     how = know.binarization
-    return find_blobs(found.mask, how.min_area_px, how.neck_ratio), even, found.score
+    return find_blobs(found.mask, how.min_area_px, how.neck_ratio), ready.even, found.score
 
 
 def _shows_one(of: Integers, true_px: Integers, wanted: BoolArray) -> int:
