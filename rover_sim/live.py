@@ -70,7 +70,8 @@ class LiveRover:
         self.autopilot = tuned_autopilot(self._footprint, home, scenario.gravity_m_s2)
         bad = None if faults is None else BadLink(faults, (world.seed, LINK_STREAM))
         links, log = open_links(urls, tlog, bad=bad)
-        self.vehicle = Vehicle(self.autopilot, LocalFrame(world.origin), links, log, persona)
+        folder = None if tlog is None else tlog.parent
+        self.vehicle = Vehicle(self.autopilot, LocalFrame(world.origin), links, log, persona, folder)
         try:
             if parameters is not None and parameters.exists():
                 load_parameters(parameters, self.autopilot.parameters)

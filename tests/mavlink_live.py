@@ -6,6 +6,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -16,7 +17,7 @@ from rover_sim.mavlink.endpoint import Link
 from rover_sim.mavlink.geodesy import GeoPoint, LocalFrame
 from rover_sim.mavlink.memory import memory_link
 from rover_sim.mavlink.persona import Persona
-from rover_sim.mavlink.stack import open_links
+from rover_sim.mavlink.stack import BadLink, open_links
 from rover_sim.mavlink.streams import COMPANION_RATES
 from rover_sim.mavlink.transport import parse_url
 from rover_sim.mavlink.udp import UdpIn
@@ -39,13 +40,14 @@ def mavsdk_library() -> Any:
 class LiveRover:
     """Rover, autopilot, vehicle and companion, ticked by a thread of its own at wall-clock speed."""
 
-    def __init__(self, url: str, persona: Persona) -> None:
+    def __init__(self, url: str, persona: Persona, folder: Path | None = None, bad: BadLink | None = None) -> None:
         self.rover = KinematicRover()
         self.autopilot = Autopilot(FOOTPRINT, HOME)
         self.frame = LocalFrame(Origin())
         inner, outer = memory_link()
-        stations, _ = open_links([url])
-        self.vehicle = Vehicle(self.autopilot, self.frame, [Link(inner, COMPANION_RATES), *stations], None, persona)
+        stations, _ = open_links([url], bad=bad)
+        links = [Link(inner, COMPANION_RATES), *stations]
+        self.vehicle = Vehicle(self.autopilot, self.frame, links, None, persona, folder)
         self.companion = Companion(Link(outer, {}))
         self._stop = threading.Event()
         self._lock = threading.Lock()
@@ -81,22 +83,26 @@ class LiveRover:
 
 
 @contextmanager
-def connected_pair(persona: Persona) -> Iterator[tuple[LiveRover, Any]]:
+def connected_pair(
+    persona: Persona, folder: Path | None = None, bad: BadLink | None = None
+) -> Iterator[tuple[LiveRover, Any]]:
     """A live rover and the system that MAVSDK has found in it."""
     library = mavsdk_library()
     free = UdpIn(parse_url("udpin:127.0.0.1:0"))
     port = free.port
     free.close()
-    live = LiveRover(f"udpout:127.0.0.1:{port}", persona)
+    live = LiveRover(f"udpout:127.0.0.1:{port}", persona, folder, bad)
     kind = library.ComponentType.GROUND_STATION
     client = library.Mavsdk(library.Configuration.create_with_component_type(kind))
     assert client.add_any_connection(f"udpin://127.0.0.1:{port}") == library.ConnectionResult.SUCCESS
     live.start()
     system = client.first_autopilot(5.0)
     assert system is not None, "MAVSDK found no autopilot"
-    yield live, system
-    client.destroy()
-    live.close()
+    try:
+        yield live, system
+    finally:
+        client.destroy()
+        live.close()
 
 
 def place(live: LiveRover, x_m: float, y_m: float) -> GeoPoint:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 
 from planner.mobility import body_motion
@@ -104,12 +106,15 @@ class Station:
 class Yard:
     """A vehicle on its rover, any number of stations, and a clock that only the test moves."""
 
-    def __init__(self, *stations: Station, log: Link | None = None, persona: Persona = ARDUPILOT) -> None:
+    def __init__(
+        self, *stations: Station, log: Link | None = None, persona: Persona = ARDUPILOT, folder: Path | None = None
+    ) -> None:
         self.rover = KinematicRover()
         self.autopilot = Autopilot(FOOTPRINT, (0.0, 0.0, 0.0))
         self.frame = LocalFrame(Origin())
         self.stations = stations
-        self.vehicle = Vehicle(self.autopilot, self.frame, [station.link for station in stations], log, persona)
+        links = [station.link for station in stations]
+        self.vehicle = Vehicle(self.autopilot, self.frame, links, log, persona, folder)
         self.step()
 
     @property

@@ -30,7 +30,7 @@ def result(yard: Yard, station: Station, message: Message) -> int:
 
 
 @pytest.mark.parametrize(
-    ("persona", "autopilot", "bits"), [(ARDUPILOT, 3, 0x2200C), (PX4, 12, 0x201C), (GENERIC, 0, 0x201C)]
+    ("persona", "autopilot", "bits"), [(ARDUPILOT, 3, 0x2202C), (PX4, 12, 0x203C), (GENERIC, 0, 0x203C)]
 )
 def test_identity(persona: Persona, autopilot: int, bits: int) -> None:
     yard, station = yard_of(persona)

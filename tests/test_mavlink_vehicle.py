@@ -37,7 +37,7 @@ def test_it_is_an_ardupilot_rover_that_says_it_is_a_simulator(yard: Yard, statio
     assert (beat.type, beat.autopilot, beat.custom_mode, beat.system_status) == (10, 3, 4, 3)
     back = yard.ask(station, command(512, 148), "AUTOPILOT_VERSION", "COMMAND_ACK", "STATUSTEXT")
     version = next(message for message in back if message.get_type() == "AUTOPILOT_VERSION")
-    assert version.capabilities == 0x2200C
+    assert version.capabilities == 0x2202C
     assert version.flight_sw_version & 0xFF == 0  # type DEV: no "outdated firmware" pop-up
     assert any("simulated" in message.text for message in back if message.get_type() == "STATUSTEXT")
     again = yard.ask(station, command(512, 148), "STATUSTEXT")
@@ -189,19 +189,6 @@ def test_parameter_errors_are_told(yard: Yard, station: Station) -> None:
     back = yard.ask(station, bad, "PARAM_ERROR", "PARAM_VALUE")
     assert [message.get_type() for message in back] == ["PARAM_ERROR", "PARAM_VALUE"]
     assert (back[0].error, back[1].param_value) == (2, 0.25)
-
-
-def test_file_transfer_is_refused_as_not_found(yard: Yard, station: Station) -> None:
-    def ask(opcode: int) -> bytes:
-        request = bytes([7, 0, 3, opcode]) + bytes(247)
-        message = mavlink.MAVLink_file_transfer_protocol_message(0, 1, 1, request)
-        (answer,) = yard.ask(station, message, "FILE_TRANSFER_PROTOCOL")
-        return bytes(answer.payload)
-
-    answer = ask(4)  # open a file for reading
-    assert (answer[0], answer[3], answer[5], answer[12]) == (8, 129, 4, 10)
-    assert ask(2)[3] == 128  # reset of sessions
-    assert ask(77)[12] == 7  # unknown
 
 
 def test_ping_and_timesync(yard: Yard, station: Station) -> None:

@@ -11,6 +11,8 @@ from rover_sim.mavlink.streams import Streams
 from rover_sim.mavlink.tlog import TlogWriter
 from rover_sim.mavlink.transport import Transport
 
+# Not written to the log: a file that is fetched (it may be the log itself), and a secret key.
+_UNLOGGED = (mavlink.MAVLINK_MSG_ID_FILE_TRANSFER_PROTOCOL, mavlink.MAVLINK_MSG_ID_SETUP_SIGNING)
 SIMULATOR = int(mavlink.MAV_COMP_ID_USER1)  # the component as which the simulator itself speaks
 
 
@@ -104,7 +106,7 @@ class Endpoint:
     def reply(self, client: Client, message: Message) -> None:
         """Say something to one client."""
         self._send(client.channel, message)
-        if self._log is not None and client.channel is not self._log:
+        if self._log is not None and client.channel is not self._log and message.id not in _UNLOGGED:
             self._send(self._log, message)
 
     def stream(self, channel: Channel, message: Message) -> None:
@@ -148,7 +150,7 @@ class Endpoint:
             channel.link.transport.send(channel.packer.pack(message), channel.peer, self.time_s)
 
     def _record(self, message: Message, time_s: float) -> None:
-        if self._tlog is not None:
+        if self._tlog is not None and message.id not in _UNLOGGED:
             self._tlog.record(bytes(message.get_msgbuf()), time_s)
 
     def _is_for_us(self, message: Message) -> bool:

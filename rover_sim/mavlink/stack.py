@@ -76,7 +76,7 @@ class MavlinkStack:
         inner, outer = memory_link() if bad is None else memory_link(bad.faults, bad.rng(0))
         stations, log = open_links(connect, tlog, epoch_s, bad)
         links = [Link(inner, COMPANION_RATES), *stations]
-        self.vehicle = Vehicle(autopilot, self.frame, links, log)
+        self.vehicle = Vehicle(autopilot, self.frame, links, log, folder=None if tlog is None else tlog.parent)
         self.narrator = Narrator(self.vehicle.endpoint)
         self.companion = Companion(Link(outer, {}))
 

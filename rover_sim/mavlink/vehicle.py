@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from pathlib import Path
 
 from rover_sim.autopilot.autopilot import Autopilot
 from rover_sim.autopilot.events import Reached, Text
+from rover_sim.mavlink.clock_service import ClockService
 from rover_sim.mavlink.command_server import CommandServer
 from rover_sim.mavlink.context import Context, Handler, Service
 from rover_sim.mavlink.dialect import mavlink
 from rover_sim.mavlink.endpoint import Endpoint, Link
+from rover_sim.mavlink.ftp_files import Files
+from rover_sim.mavlink.ftp_server import FileServer
 from rover_sim.mavlink.geodesy import LocalFrame
 from rover_sim.mavlink.heartbeat import COMPONENT, SYSTEM
 from rover_sim.mavlink.mission_reader import MissionReader
@@ -17,7 +21,6 @@ from rover_sim.mavlink.mission_server import MissionServer
 from rover_sim.mavlink.mission_store import MissionStore
 from rover_sim.mavlink.parameter_server import ParameterServer
 from rover_sim.mavlink.persona import ARDUPILOT, Persona
-from rover_sim.mavlink.small_services import ClockService, FileService
 from rover_sim.mavlink.status import status_texts
 from rover_sim.mavlink.telemetry import Telemetry
 from worlds.types import PoseEstimate, SensorReadings
@@ -35,12 +38,15 @@ class Vehicle:
         links: Iterable[Link],
         log: Link | None = None,
         persona: Persona = ARDUPILOT,
+        folder: Path | None = None,
     ) -> None:
+        """``folder``: whose files may be read over the links."""
         self.endpoint = Endpoint(SYSTEM, COMPONENT, links, log)
         autopilot.parameters.extend(persona.parameters)
         self._context = Context(autopilot, persona, frame, self.endpoint)
         self.store = MissionStore(self._context)
         telemetry = Telemetry(self._context)
+        self._file_server = FileServer(self._context, Files(folder, autopilot.parameters))
         missions = MissionServer(self._context, self.store)
         services: tuple[Service, ...] = (
             telemetry,
@@ -49,7 +55,7 @@ class Vehicle:
             MissionReader(self._context, self.store, missions),
             ParameterServer(self._context),
             ClockService(self._context),
-            FileService(self._context),
+            self._file_server,
         )
         self._services = services
         self._handlers: dict[str, Handler] = {
@@ -74,7 +80,8 @@ class Vehicle:
             service.tick()
 
     def close(self) -> None:
-        """Close all links."""
+        """Close all links and files."""
+        self._file_server.close()
         self.endpoint.close()
 
     def _tell(self) -> None:
