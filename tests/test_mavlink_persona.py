@@ -30,7 +30,7 @@ def result(yard: Yard, station: Station, message: Message) -> int:
 
 
 @pytest.mark.parametrize(
-    ("persona", "autopilot", "bits"), [(ARDUPILOT, 3, 0x2202C), (PX4, 12, 0x203C), (GENERIC, 0, 0x203C)]
+    ("persona", "autopilot", "bits"), [(ARDUPILOT, 3, 0x221AC), (PX4, 12, 0x21BC), (GENERIC, 0, 0x21BC)]
 )
 def test_identity(persona: Persona, autopilot: int, bits: int) -> None:
     yard, station = yard_of(persona)

@@ -11,6 +11,8 @@ from rover_sim.autopilot.mission import DriveTo, Item, Mission, ReturnHome, Turn
 from rover_sim.autopilot.modes import MissionState, Mode, Severity
 from rover_sim.autopilot.parameters import ParameterTable
 from rover_sim.autopilot.runner import MissionRunner
+from rover_sim.autopilot.sticks import StickPilot
+from rover_sim.autopilot.targets import Target, TargetFollower
 from worlds.types import Footprint, PoseEstimate, SensorReadings, Vector3
 
 YAW_PER_ACCELERATION = 2.0  # 1/m
@@ -30,7 +32,9 @@ class Autopilot:
         self.tripped = False  # a fail-safe stopped the rover, and nobody has changed the mode since
         self.auto = MissionRunner(footprint)
         self.failsafe = Failsafe(footprint)
+        self.pilot = StickPilot()
         self._guided = MissionRunner(footprint)
+        self._targets = TargetFollower(footprint)
         self._motion = STOP
         self._time_s: float | None = None
         self._estimate: PoseEstimate | None = None
@@ -49,10 +53,12 @@ class Autopilot:
             self._say(trip.severity, f"{trip.text}, hold")
             self._enter(Mode.HOLD)
             self.tripped = True
-        if not self.armed:
+        lost = self._operator_lost(time_s)
+        wanted = self._wanted(time_s, estimate)
+        if not self.armed or lost or wanted is None:
             self._motion = STOP
         else:
-            self._motion = ramp(self._motion, self._wanted(time_s, estimate), self._limits(), step_s)
+            self._motion = ramp(self._motion, wanted, self._limits(), step_s)
         return wheel_speeds(self._motion.linear_m_s, self._motion.yaw_rate_rad_s, self.footprint)
 
     @property
@@ -81,6 +87,7 @@ class Autopilot:
         if reason is None and not self.armed:
             self.armed = True
             self._say(Severity.INFO, "Armed")
+            self._distrust_sticks()
             self._resume()
         elif reason is not None:
             self._say(Severity.ERROR, f"PreArm: {reason}")
@@ -88,9 +95,7 @@ class Autopilot:
 
     def prearm_reason(self) -> str | None:
         """Why the rover cannot be armed now; None if it can."""
-        if self._time_s is None:
-            return "no pose estimate yet"
-        return self.failsafe.unfit(self._time_s, self._estimate, self.parameters)
+        return self._unfit() or self.pilot.unfit()
 
     def disarm(self) -> None:
         """Stop the wheels at once and forbid them to turn."""
@@ -142,6 +147,16 @@ class Autopilot:
         """Mode Guided and turn on the spot; the reason if it is refused."""
         return self._guided_to(TurnTo(heading_rad, relative))
 
+    def follow(self, target: Target, until_s: float, *, hold_on_loss: bool) -> None:
+        """In mode Guided, follow a set point instead of what was there; without news until ``until_s``, stop."""
+        if self.mode is Mode.GUIDED:
+            self._guided.load(Mission())
+            self._targets.aim(target, until_s, hold_on_loss=hold_on_loss)
+
+    def end_guided_task(self) -> None:
+        """In mode Guided, give up a place or a turn; set points are followed on."""
+        self._guided.load(Mission())
+
     def set_speed(self, speed_m_s: float) -> None:
         """Cruise at this speed on what is being driven now."""
         self.auto.set_speed(speed_m_s)
@@ -154,6 +169,7 @@ class Autopilot:
         return reason
 
     def _guide(self, item: Item) -> None:
+        self._targets.forget()
         self._guided.load(Mission((item,)))
         self._guided.start()
 
@@ -161,25 +177,65 @@ class Autopilot:
         if mode is Mode.AUTO and self.auto.mission.empty:
             return "no mission"
         if mode in (Mode.AUTO, Mode.GUIDED, Mode.RETURN):
-            return self.prearm_reason()
+            return self._unfit()
         return None
+
+    def _unfit(self) -> str | None:
+        if self._time_s is None:
+            return "no pose estimate yet"
+        return self.failsafe.unfit(self._time_s, self._estimate, self.parameters)
+
+    def _operator_lost(self, time_s: float) -> bool:
+        """Whether sticks or set points that drive the rover have just been lost; the fail-safe is then done."""
+        steering = self.armed and self.mode is Mode.MANUAL
+        if self.pilot.lost(time_s) and steering:
+            self._fall_back("Sticks lost", self.pilot.on_loss)
+            return True
+        guided = self.armed and self.mode is Mode.GUIDED
+        if self._targets.lost(time_s) and guided:
+            self._fall_back("Set points lost", Mode.HOLD if self._targets.hold_on_loss else None)
+            return True
+        return False
+
+    def _fall_back(self, text: str, mode: Mode | None) -> None:
+        if mode is not None and self._refusal(mode) is not None:
+            mode = Mode.HOLD
+        if mode is None:
+            self._say(Severity.WARNING, f"{text}, stopped")
+            return
+        self._say(Severity.CRITICAL, f"{text}, {mode.name.lower()}")
+        self._enter(mode)
+        if mode is Mode.RETURN:
+            self._guide(ReturnHome())
+        self.tripped = True
+
+    def _distrust_sticks(self) -> None:
+        if self.pilot.distrust() and self.armed and self.mode is Mode.MANUAL:
+            self._say(Severity.WARNING, "Sticks ignored until they are centred")
 
     def _enter(self, mode: Mode) -> None:
         if self.mode is Mode.AUTO:
             self.auto.pause()
         self._guided.load(Mission())
+        self._targets.forget()
         self.mode = mode
         self.tripped = False
         self.failsafe.reset()
+        self._distrust_sticks()
 
     def _resume(self) -> None:
         """In mode Auto an armed rover drives what is left of its mission."""
         if self.mode is Mode.AUTO and self.armed and self.auto.state is not MissionState.COMPLETE:
             self.auto.start()
 
-    def _wanted(self, time_s: float, estimate: PoseEstimate | None) -> Command:
+    def _wanted(self, time_s: float, estimate: PoseEstimate | None) -> Command | None:
+        """The motion to go over to; None: stand still at once."""
+        if self.mode is Mode.MANUAL:
+            return self.pilot.wanted(self.footprint)
         if estimate is None or not self.driving:
             return STOP
+        if self._targets.target is not None:
+            return self._targets.wanted(time_s, estimate, self._limits(), self.home_w)
         runner = self.auto if self.mode is Mode.AUTO else self._guided
         before = runner.state
         command, reached = runner.step(time_s, estimate, self._limits(), self.home_w)

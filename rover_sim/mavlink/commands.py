@@ -62,6 +62,8 @@ def _arm(context: Context, _telemetry: Telemetry, request: Request) -> int:
 def _set_mode(context: Context, _telemetry: Telemetry, request: Request) -> int:
     custom = math.isfinite(request.p1) and int(request.p1) & mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
     mode = context.persona.commanded_mode(request.p2, request.p3) if custom else None
+    if mode is Mode.GUIDED and context.persona.px4_modes:
+        context.autopilot.end_guided_task()  # a place is driven to in Hold: whoever asks for Offboard leaves it
     return UNSUPPORTED if mode is None else _result(context.autopilot.set_mode(mode))
 
 

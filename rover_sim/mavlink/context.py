@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
@@ -30,6 +30,7 @@ class Context:
     estimate: PoseEstimate | None = None
     readings: SensorReadings | None = None
     gnss: GnssReading | None = None  # the last fix
+    channels: dict[int, int] = field(default_factory=dict)  # RC channels that a ground station holds, microseconds
 
     def look(self, time_s: float, estimate: PoseEstimate | None, readings: SensorReadings | None) -> None:
         """Take over this tick's belief; a pose that is not finite is none."""

@@ -14,11 +14,13 @@ from rover_sim.autopilot.autopilot import Autopilot
 from rover_sim.autopilot.modes import Mode
 from rover_sim.autopilot.parameters import Parameter
 from rover_sim.mavlink.dialect import mavlink
-from rover_sim.mavlink.persona_parameters import ARDUPILOT_PARAMETERS, PX4_PARAMETERS
+from rover_sim.mavlink.persona_parameters import ARDUPILOT_PARAMETERS, GENERIC_PARAMETERS, PX4_PARAMETERS
 
 _COMMON = (
     mavlink.MAV_PROTOCOL_CAPABILITY_MISSION_INT
     | mavlink.MAV_PROTOCOL_CAPABILITY_COMMAND_INT
+    | mavlink.MAV_PROTOCOL_CAPABILITY_SET_POSITION_TARGET_LOCAL_NED
+    | mavlink.MAV_PROTOCOL_CAPABILITY_SET_POSITION_TARGET_GLOBAL_INT
     | mavlink.MAV_PROTOCOL_CAPABILITY_MAVLINK2
     | mavlink.MAV_PROTOCOL_CAPABILITY_FTP
 )
@@ -26,6 +28,23 @@ _COMMON = (
 
 def _px4(main: int, sub: int = 0) -> int:
     return main << 16 | sub << 24
+
+
+@dataclass(frozen=True)
+class SteeringRules:
+    """How one kind of autopilot is steered by hand or by set points; parameters are named."""
+
+    neutral_thrust: int  # z of MANUAL_CONTROL that stands still; 1000 is full ahead
+    least_thrust: int  # z that is full astern; below it the axis is ignored
+    twist_steers: bool  # whether r of MANUAL_CONTROL steers too
+    operator: str | None  # parameter: the system whose sticks count, 0 any; None: any
+    stick_time: str  # parameter: sticks count as lost after, s
+    loss_action: str  # parameter: what then
+    loss_modes: Mapping[int, Mode | None]  # by its value; None: stand still
+    target_time: str  # parameter: set points count as lost after, s
+    places_expire: bool  # whether a place to drive to counts as lost too
+    hold_on_loss: bool  # mode Hold once set points are lost; else stand still in Guided
+    heading_by_yaw: bool  # a velocity goes where the message's yaw points, if it has one
 
 
 @dataclass(frozen=True)
@@ -40,6 +59,7 @@ class Persona:
     home_first: bool  # item 0 of a mission may be the home position
     bytewise: bool  # an integer parameter travels as its bytes, not as a rounded float
     parameters: tuple[Parameter, ...]  # that its ground stations expect beside those of the rover
+    steering: SteeringRules
     tells_landed: bool  # whether "flying" is told by EXTENDED_SYS_STATE alone
     imitates: tuple[int, int, int] | None = None  # the version that is claimed; None: that of rover-sim
 
@@ -80,6 +100,19 @@ ARDUPILOT = Persona(
     home_first=True,
     bytewise=False,
     parameters=ARDUPILOT_PARAMETERS,
+    steering=SteeringRules(
+        neutral_thrust=0,
+        least_thrust=-1000,
+        twist_steers=False,
+        operator="MAV_GCS_SYSID",
+        stick_time="RC_OVERRIDE_TIME",
+        loss_action="FS_THR_ENABLE",
+        loss_modes={0: None, 1: Mode.HOLD},
+        target_time="GUID_TIMEOUT",
+        places_expire=False,
+        hold_on_loss=False,
+        heading_by_yaw=True,
+    ),
     tells_landed=False,
 )
 PX4 = Persona(
@@ -91,6 +124,19 @@ PX4 = Persona(
     home_first=False,
     bytewise=True,
     parameters=PX4_PARAMETERS,
+    steering=SteeringRules(
+        neutral_thrust=500,
+        least_thrust=0,
+        twist_steers=False,
+        operator=None,
+        stick_time="COM_RC_LOSS_T",
+        loss_action="NAV_RCL_ACT",
+        loss_modes={1: Mode.HOLD, 2: Mode.RETURN},
+        target_time="COM_OF_LOSS_T",
+        places_expire=True,
+        hold_on_loss=True,
+        heading_by_yaw=False,
+    ),
     tells_landed=True,
     imitates=(1, 15, 0),  # below 1.4.1 QGroundControl warns of an outdated firmware
 )
@@ -102,7 +148,20 @@ GENERIC = Persona(
     px4_modes=True,
     home_first=False,
     bytewise=True,
-    parameters=(),
+    parameters=GENERIC_PARAMETERS,
+    steering=SteeringRules(
+        neutral_thrust=0,
+        least_thrust=-1000,
+        twist_steers=True,
+        operator="MAV_GCS_SYSID",
+        stick_time="FS_STICK_S",
+        loss_action="FS_STICK_ACT",
+        loss_modes={0: None, 1: Mode.HOLD},
+        target_time="FS_TARGET_S",
+        places_expire=True,
+        hold_on_loss=True,
+        heading_by_yaw=False,
+    ),
     tells_landed=True,
 )
 PERSONAS: Mapping[str, Persona] = {persona.name: persona for persona in (ARDUPILOT, PX4, GENERIC)}

@@ -11,6 +11,7 @@ from rover_sim.mavlink.dialect import Message, mavlink
 from rover_sim.mavlink.endpoint import Client
 from rover_sim.mavlink.heartbeat import autopilot_version, heartbeat
 from rover_sim.mavlink.mode_lists import available_modes, current_mode
+from rover_sim.mavlink.stick_service import rc_channels
 
 Builder = Callable[[Context], Message | None]  # None: nothing to tell, such as a position before the first pose
 
@@ -30,6 +31,7 @@ BUILDERS: Mapping[int, Builder] = {
     mavlink.MAVLINK_MSG_ID_GPS_RAW_INT: attitude.gps_raw_int,
     mavlink.MAVLINK_MSG_ID_VFR_HUD: attitude.vfr_hud,
     mavlink.MAVLINK_MSG_ID_HOME_POSITION: attitude.home_position,
+    mavlink.MAVLINK_MSG_ID_RC_CHANNELS: rc_channels,
 }
 # The groups of the older REQUEST_DATA_STREAM, as far as there is anything in them.
 _GROUPS: Mapping[int, tuple[int, ...]] = {
@@ -39,6 +41,7 @@ _GROUPS: Mapping[int, tuple[int, ...]] = {
         mavlink.MAVLINK_MSG_ID_MISSION_CURRENT,
         mavlink.MAVLINK_MSG_ID_GPS_RAW_INT,
     ),
+    mavlink.MAV_DATA_STREAM_RC_CHANNELS: (mavlink.MAVLINK_MSG_ID_RC_CHANNELS,),
     mavlink.MAV_DATA_STREAM_POSITION: (mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT,),
     mavlink.MAV_DATA_STREAM_EXTRA1: (mavlink.MAVLINK_MSG_ID_ATTITUDE,),
     mavlink.MAV_DATA_STREAM_EXTRA2: (mavlink.MAVLINK_MSG_ID_VFR_HUD,),

@@ -22,6 +22,8 @@ from rover_sim.mavlink.mission_store import MissionStore
 from rover_sim.mavlink.parameter_server import ParameterServer
 from rover_sim.mavlink.persona import ARDUPILOT, Persona
 from rover_sim.mavlink.status import status_texts
+from rover_sim.mavlink.stick_service import StickService
+from rover_sim.mavlink.target_service import TargetService
 from rover_sim.mavlink.telemetry import Telemetry
 from worlds.types import PoseEstimate, SensorReadings
 
@@ -54,6 +56,8 @@ class Vehicle:
             missions,
             MissionReader(self._context, self.store, missions),
             ParameterServer(self._context),
+            StickService(self._context),
+            TargetService(self._context),
             ClockService(self._context),
             self._file_server,
         )
