@@ -1,10 +1,11 @@
-"""Speed of navigation decisions, and the row search against two A* on the same obstacle map.
+"""Speed of navigation decisions, and the row search against three A* on the same obstacle map.
 
     uv run python benchmarks/planner_speed.py [--cfa 0.10] [--seeds 20]
 
-Both A* go over the row search's own cost grid (8-connected, 5 cm) from the rover to the end of the row search's best
-way: one compiled by numba with a binary heap and the octile distance times the least cost as its admissible heuristic,
-the other scikit-image's `graph.route_through_array` (no heuristic). Risk is the mean of the hilly field along a way.
+All go over the row search's own cost grid (8-connected, 5 cm) from the rover to the end of the row search's best way:
+one compiled by numba with a binary heap and the octile distance times the least cost as its admissible heuristic, the
+same one as plain Python, and scikit-image's `graph.route_through_array` (no heuristic). Risk is the mean of the hilly
+field along a way.
 The map is made once for all and is told separately. Times are processor time.
 """
 
@@ -82,10 +83,10 @@ def obstacle_table(world: DiscWorld) -> FloatArray:
     return np.column_stack([world.centre, world.centre, world.radius, np.clip(world.height / 0.25, 0.1, 1.0), hard])
 
 
-def spent_ms(work: Callable[[], object]) -> float:
+def spent_ms(work: Callable[[], object], repeats: int = REPEATS) -> float:
     """Least processor time of a few repeats, milliseconds: others load the machine."""
     times = []
-    for _ in range(REPEATS):
+    for _ in range(repeats):
         began = time.process_time()
         work()
         times.append(time.process_time() - began)
@@ -106,12 +107,13 @@ def peers(ground: RowMap, best: Candidate) -> dict[str, tuple[float, float, floa
     ours = a_star(cost, start, goal, steps, least)
     theirs = np.array(route_through_array(walled, start, goal, geometric=True)[0])  # type: ignore[no-untyped-call]
     told = {}
-    for name, way, work in (
-        ("A*, numba", ours, lambda: a_star(cost, start, goal, steps, least)),
-        ("A*, scikit-image", theirs, lambda: route_through_array(walled, start, goal, geometric=True)),  # type: ignore[no-untyped-call]
+    for name, way, work, repeats in (
+        ("A*, numba", ours, lambda: a_star(cost, start, goal, steps, least), REPEATS),
+        ("A*, Python", ours, lambda: a_star.py_func(cost, start, goal, steps, least), 1),
+        ("A*, scikit-image", theirs, lambda: route_through_array(walled, start, goal, geometric=True), REPEATS),  # type: ignore[no-untyped-call]
     ):
         length = float(np.hypot(*(np.diff(way, axis=0) * steps).T).sum())
-        told[name] = (spent_ms(work), length, float(grid.hill[way[:, 0], way[:, 1]].mean()))
+        told[name] = (spent_ms(work, repeats), length, float(grid.hill[way[:, 0], way[:, 1]].mean()))
     return told
 
 
@@ -122,7 +124,7 @@ def told(name: str, values: list[float]) -> None:
 
 
 def compare(worlds: list[DiscWorld]) -> None:
-    """Row search and both A* on each world's map."""
+    """Row search and the A* on each world's map."""
     model, cells = RowModel(cell_m=0.05, most_shift=8, most_turn=6, turn_cost=0.03), empty_cells(np.zeros(2))
     task = Task(om.Frame2((0.0, 0.0), 0.0), 20.0, 0.0, NEED, lambda p: np.linalg.norm(p - GOAL, axis=1))
     columns: dict[str, list[float]] = {}
