@@ -26,11 +26,25 @@ def window_stages(ids: IntArray, area_px: IntArray, extent_px: IntArray) -> Floa
     """Place in `STAGES` (rows, columns) of the class of each whole window.
 
     S no clast or one speck; V small clasts only; m larger ones, or from 10 % cover; M over 35 %; B one rock from 20 px
-    long on 40 % of the window. Clasts under `RESOLVED_PX` are ground. Of clasts with as many pixels the one with the
-    lowest id is the main one.
+    long on 40 % of the window. Clasts under `RESOLVED_PX` are ground.
+    """
+    parts = window_parts(ids, area_px, RESOLVED_PX)
+    stages = np.zeros(parts.shape[:2])
+    for row in range(parts.shape[0]):
+        for column in range(parts.shape[1]):
+            number, cover, largest, main = parts[row, column]
+            stages[row, column] = _stage(number, cover, largest, extent_px[main])
+    return stages
+
+
+@njit(cache=True, nogil=True)
+def window_parts(ids: IntArray, area_px: IntArray, least_px: int) -> IntArray:
+    """How many clasts of at least ``least_px`` each whole window shows, their pixels, the largest's, and its id.
+
+    (rows, columns, 4). Of clasts with as many pixels in the window the one with the lowest id is the largest.
     """
     rows, columns = ids.shape[0] // WINDOW_PX, ids.shape[1] // WINDOW_PX
-    stages = np.zeros((rows, columns))
+    parts = np.zeros((rows, columns, 4), dtype=np.int32)
     counts, met = np.zeros(len(area_px), dtype=np.int32), np.empty(WINDOW_PX**2, dtype=np.int32)
     for row in range(rows):
         for column in range(columns):
@@ -38,7 +52,7 @@ def window_stages(ids: IntArray, area_px: IntArray, extent_px: IntArray) -> Floa
             for y in range(row * WINDOW_PX, (row + 1) * WINDOW_PX):
                 for x in range(column * WINDOW_PX, (column + 1) * WINDOW_PX):
                     clast = ids[y, x]
-                    if clast > 0 and area_px[clast] >= RESOLVED_PX:
+                    if clast > 0 and area_px[clast] >= least_px:
                         if counts[clast] == 0:
                             met[number] = clast
                             number += 1
@@ -49,8 +63,8 @@ def window_stages(ids: IntArray, area_px: IntArray, extent_px: IntArray) -> Floa
                 if counts[clast] > largest or (counts[clast] == largest and clast < main):
                     largest, main = counts[clast], clast
             counts[met[:number]] = 0
-            stages[row, column] = _stage(number, cover, largest, extent_px[main])
-    return stages
+            parts[row, column] = number, cover, largest, main
+    return parts
 
 
 @njit(cache=True, nogil=True)

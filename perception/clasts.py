@@ -16,6 +16,7 @@ import numpy as np
 from numba import njit
 
 from perception.class_definition import window_stages
+from perception.components import components
 from perception.evidence import Planes, SingleArray, chance_of
 from perception.knowledge_base import ClastKnowledge
 from worlds.types import BoolArray, ByteArray, FloatArray
@@ -61,10 +62,7 @@ def _two_looks(
 
 def clast_stages(chance: SingleArray, cut: float) -> FloatArray:
     """Place in `STAGES` (rows, columns) of each window, were all pixels with more ``chance`` (H, W) clasts."""
-    found = (chance > cut).view(np.uint8)
-    _, labels, told, _ = cv2.connectedComponentsWithStats(found, connectivity=8, ltype=cv2.CV_32S)
-    extent = told[:, [cv2.CC_STAT_WIDTH, cv2.CC_STAT_HEIGHT]].max(axis=1)
-    return window_stages(np.asarray(labels, dtype=np.int32), np.ascontiguousarray(told[:, cv2.CC_STAT_AREA]), extent)
+    return window_stages(*components(chance > cut))
 
 
 def first_planes(red: SingleArray, grey: ByteArray, score: SingleArray) -> Planes:

@@ -37,6 +37,10 @@ WORKING_SIZE_PX = (320, 240)  # width, height; the paper's picture
 SKYLINE_RATIO = 5.0  # length over thickness; no rock is so flat
 _BLACK = 2  # grey levels up to which a pixel is missing data
 
+# glibc gives each large block back to the system when it is freed, until one larger still was; new ones then come page
+# by page, a thousand faults a frame. From here on it keeps what a frame needs, up to twice as much (mallopt(3)).
+np.empty(16 << 20, dtype=np.uint8)
+
 
 @dataclass(frozen=True)
 class ImageRock:

@@ -13,6 +13,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from perception.components import components
 from worlds.types import BoolArray, IntArray
 
 LEAST_PX = 60  # a basin smaller than this is a spur of its neighbour
@@ -23,7 +24,7 @@ _STEPS = 8  # depth levels a pixel
 def part_at_necks(mask: BoolArray, neck_ratio: float) -> IntArray:
     """Labels (H, W) of the parts of ``mask``, 1 and up in no special order; neck_ratio 0 parts nothing."""
     if neck_ratio == 0.0:
-        return np.asarray(cv2.connectedComponents(mask.view(np.uint8), connectivity=8)[1], dtype=np.int32)
+        return components(mask)[0]
     # A picture full of rock has no outline: OpenCV then answers the largest number there is.
     depth = np.minimum(cv2.distanceTransform(mask.view(np.uint8), cv2.DIST_L2, 5), sum(mask.shape)).astype(np.float32)
     return _flood(depth, _deepest_first(depth), neck_ratio)

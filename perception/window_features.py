@@ -16,7 +16,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from perception.class_definition import WINDOW_PX
+from perception.class_definition import WINDOW_PX, window_parts
 from perception.clasts import clast_stages, redness
 from perception.soil_reference import SoilReference
 from perception.texture import Texture, window_texture
@@ -84,8 +84,13 @@ class _Parts:
         return np.log10(np.maximum(_percentiles(np.asarray(cv2.absdiff(low, high)), size, 0.95), _FLOOR))
 
     @cached_property
-    def rocks(self) -> FloatArray:
-        return _clast_kernel(self.source.labels, WINDOW_PX)
+    def rock_areas(self) -> IntArray:
+        return np.concatenate([np.zeros(1, dtype=np.int32), self.source.area_px])
+
+    @cached_property
+    def rocks(self) -> IntArray:
+        """Of each window: how many rocks, their pixels, those of the largest part, and whose that is."""
+        return window_parts(self.source.labels, self.rock_areas, 1)
 
     @cached_property
     def co_occurrence(self) -> Texture:
@@ -125,8 +130,7 @@ class _Parts:
         return np.asarray(np.log10(np.clip(np.nan_to_num(away, nan=FAR_M), 0.1, FAR_M)))
 
     def rock_size(self) -> FloatArray:
-        areas = np.concatenate([[0], self.source.area_px])
-        return np.asarray(np.log10(1.0 + areas[self.rocks[..., 3].astype(np.int64)]))
+        return np.asarray(np.log10(1.0 + self.rock_areas[self.rocks[..., 3]]))
 
 
 def _log_texture(values: FloatArray, parts: _Parts) -> FloatArray:
@@ -139,12 +143,12 @@ FEATURES: Mapping[str, Callable[[_Parts], FloatArray]] = {
     "coarse": lambda p: p.coarse[..., 1],  # 95th percentile of |G(3) - G(8)|: relief of the size of rocks
     "score": lambda p: p.score,  # mean evidence of rock: cover that counts doubt as half
     "score_spread": lambda p: np.sqrt(np.maximum(window_mean(np.square(p.source.score)) - p.score**2, 0.0)),
-    "cover": lambda p: p.rocks[..., 0],  # share under rocks
-    "largest": lambda p: p.rocks[..., 1] / WINDOW_PX**2,  # share under the rock that takes most of it
-    "rest": lambda p: p.rocks[..., 0] - p.rocks[..., 1] / WINDOW_PX**2,  # share under all others
+    "cover": lambda p: p.rocks[..., 1] / WINDOW_PX**2,  # share under rocks
+    "largest": lambda p: p.rocks[..., 2] / WINDOW_PX**2,  # share under the rock that takes most of it
+    "rest": lambda p: (p.rocks[..., 1] - p.rocks[..., 2]) / WINDOW_PX**2,  # share under all others
     "rock_size": _Parts.rock_size,  # log10 of 1 + that rock's pixels in the whole picture
     "around_score": lambda p: p.around(p.score),
-    "around_largest": lambda p: p.around(p.rocks[..., 1] / WINDOW_PX**2),
+    "around_largest": lambda p: p.around(p.rocks[..., 2] / WINDOW_PX**2),
     "around_fine": lambda p: p.around(p.fine[..., 0]),
     "around_coarse": lambda p: p.around(p.coarse[..., 1]),
     # Class that the definition gives to the clasts that are found, with some doubt and with less.
@@ -154,7 +158,7 @@ FEATURES: Mapping[str, Callable[[_Parts], FloatArray]] = {
     "variance": lambda p: _log_texture(p.co_occurrence.variance, p),
     "entropy": lambda p: p.co_occurrence.entropy.reshape(p.shape),
     "homogeneity": lambda p: p.co_occurrence.homogeneity.reshape(p.shape),
-    "area": lambda p: np.log10(1.0 + p.rocks[..., 1]),  # log10 of 1 + pixels of the largest rock in the window
+    "area": lambda p: np.log10(1.0 + p.rocks[..., 2]),  # log10 of 1 + pixels of the largest rock in the window
     "range": _Parts.range_log,  # log10 metres
     "skyline": _Parts.skyline,  # pixels from the window's upper edge down to the first ground under the sky
     "unseen": lambda p: window_mean(p.source.hidden),  # share that shows no ground
@@ -209,33 +213,4 @@ def _percentiles(values: SingleArray, size: int, share: float) -> FloatArray:
                 place -= 1
             out[row, column, 0] = largest
             out[row, column, 1] = min((place + 0.5) * _BIN, largest)
-    return out
-
-
-@numba.njit(cache=True)
-def _clast_kernel(labels: IntArray, size: int) -> FloatArray:
-    """Of each window: share under clasts, pixels of the largest part, how many clasts, id of the largest."""
-    rows, columns = labels.shape[0] // size, labels.shape[1] // size
-    out = np.zeros((rows, columns, 4))
-    counts = np.zeros(labels.max() + 1, dtype=np.int32)
-    met = np.empty(size * size, dtype=np.int32)
-    for row in range(rows):
-        for column in range(columns):
-            number, total = 0, 0
-            for y in range(row * size, (row + 1) * size):
-                for x in range(column * size, (column + 1) * size):
-                    label = labels[y, x]
-                    if label > 0:
-                        total += 1
-                        if counts[label] == 0:
-                            met[number] = label
-                            number += 1
-                        counts[label] += 1
-            largest, owner = 0, 0
-            for i in range(number):
-                if counts[met[i]] > largest:
-                    largest, owner = counts[met[i]], met[i]
-                counts[met[i]] = 0
-            out[row, column, 0], out[row, column, 1] = total / (size * size), largest
-            out[row, column, 2], out[row, column, 3] = number, owner
     return out

@@ -1,5 +1,8 @@
 from __future__ import annotations
 
+import platform
+import resource
+
 import cv2
 import numpy as np
 import pytest
@@ -124,3 +127,13 @@ def test_rocks_of_real_pictures() -> None:
         both += int((found & (truth > 127)).sum())
         either += int((found | (truth > 127)).sum())
     assert both / either > 0.6
+
+
+@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="how memory is kept is up to the C library")
+def test_a_frame_reuses_the_memory_of_the_one_before() -> None:
+    picture = with_rock(sand(), (200, 150), (24, 14), BASALT)
+    for _ in range(3):
+        look(picture, "rendered")
+    before = resource.getrusage(resource.RUSAGE_THREAD).ru_minflt
+    look(picture, "rendered")
+    assert resource.getrusage(resource.RUSAGE_THREAD).ru_minflt - before < 300  # a thousand where nothing is kept
