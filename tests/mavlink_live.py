@@ -76,6 +76,10 @@ class LiveRover:
             assert time.perf_counter() < end, "time limit"
             self._stop.wait(0.01)
 
+    def wait(self, seconds: float) -> None:
+        """Let the rover live on; returns early when it is closed."""
+        self._stop.wait(seconds)
+
     def close(self) -> None:
         self._stop.set()
         self._thread.join()

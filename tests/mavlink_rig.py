@@ -92,6 +92,10 @@ class Station:
     def send_bytes(self, data: bytes, time_s: float) -> None:
         self._end.send(data, "memory", time_s)
 
+    def cut(self) -> None:
+        """Nothing passes any more, what was on its way included."""
+        self._end.close()
+
     def listen(self, time_s: float) -> None:
         for _, data in self._end.receive(time_s):
             self.heard += self._parser.datagram(data)

@@ -61,6 +61,14 @@ def test_px4_mode_numbers(persona: Persona) -> None:
     assert (answer.command, answer.result, yard.autopilot.mode) == (11, 0, Mode.RETURN)
 
 
+@pytest.mark.parametrize("main", [2.0, 3.0])
+def test_px4s_other_modes_for_sticks_are_manual(main: float) -> None:
+    yard, station = yard_of(PX4)
+    assert result(yard, station, command(176, 1.0, main, 0.0)) == 0
+    assert yard.autopilot.mode is Mode.MANUAL
+    assert station.take("HEARTBEAT")[-1].custom_mode == PX4_MANUAL
+
+
 def test_ardupilot_refuses_px4_numbers() -> None:
     yard, station = yard_of(ARDUPILOT)
     assert result(yard, station, command(176, 1.0, 6.0)) == 3  # Follow: not there

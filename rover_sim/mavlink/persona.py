@@ -55,6 +55,7 @@ class Persona:
     autopilot: int  # MAV_AUTOPILOT of the heartbeat
     capabilities: int  # MAV_PROTOCOL_CAPABILITY
     numbers: Mapping[Mode, int]  # custom_mode
+    asked_for: Mapping[int, Mode]  # custom_mode of modes that are taken for one of these, and never shown
     px4_modes: bool  # DO_SET_MODE names main and sub mode, and Guided is two modes
     home_first: bool  # item 0 of a mission may be the home position
     bytewise: bool  # an integer parameter travels as its bytes, not as a rounded float
@@ -72,7 +73,8 @@ class Persona:
 
     def mode(self, custom_mode: int) -> Mode | None:
         """The mode of a number; None if this persona has none such."""
-        return next((mode for mode, number in self.numbers.items() if number == custom_mode), None)
+        own = next((mode for mode, number in self.numbers.items() if number == custom_mode), None)
+        return self.asked_for.get(custom_mode) if own is None else own
 
     def commanded_mode(self, main: float, sub: float) -> Mode | None:
         """The mode that parameters 2 and 3 of DO_SET_MODE name."""
@@ -91,11 +93,14 @@ _PX4_NUMBERS: Mapping[Mode, int] = {
     Mode.RETURN: _px4(4, 5),
     Mode.GUIDED: _px4(6),
 }
+# Altitude and Position, the modes for sticks that MAVSDK asks for: our Manual holds speed and rate as Position does.
+_PX4_STICK_MODES: Mapping[int, Mode] = {_px4(2): Mode.MANUAL, _px4(3): Mode.MANUAL}
 ARDUPILOT = Persona(
     name="ardupilot",
     autopilot=int(mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA),
     capabilities=_COMMON | mavlink.MAV_PROTOCOL_CAPABILITY_PARAM_ENCODE_C_CAST,
     numbers={mode: int(mode) for mode in Mode},
+    asked_for={},
     px4_modes=False,
     home_first=True,
     bytewise=False,
@@ -120,6 +125,7 @@ PX4 = Persona(
     autopilot=int(mavlink.MAV_AUTOPILOT_PX4),
     capabilities=_COMMON | mavlink.MAV_PROTOCOL_CAPABILITY_PARAM_ENCODE_BYTEWISE,
     numbers=_PX4_NUMBERS,
+    asked_for=_PX4_STICK_MODES,
     px4_modes=True,
     home_first=False,
     bytewise=True,
@@ -145,6 +151,7 @@ GENERIC = Persona(
     autopilot=int(mavlink.MAV_AUTOPILOT_GENERIC),
     capabilities=_COMMON | mavlink.MAV_PROTOCOL_CAPABILITY_PARAM_ENCODE_BYTEWISE,
     numbers=_PX4_NUMBERS,  # what MAVSDK sends to an autopilot that it does not know
+    asked_for=_PX4_STICK_MODES,
     px4_modes=True,
     home_first=False,
     bytewise=True,
