@@ -1,9 +1,11 @@
 """Where the rover believes it is: an extended Kalman filter over compass, gyroscope, wheel encoders and GNSS.
 
-State ``(x, y, z, yaw, gyro bias, speed factor)``: the speed factor is true over wheel speed, so one minus it is the
-mean slip; it wanders and returns to what the soil usually gives. Roll and pitch come from a complementary filter of
-gyroscope and accelerometer. Without GNSS it is dead reckoning, and the standard deviations grow.
-Method: Thrun, Burgard, Fox, "Probabilistic Robotics" (2005), section 3.3; Mahony et al., IEEE TAC 53(5), 2008.
+State ``(x, y, z, yaw, gyro bias, speed factor, slide east, slide north)``: the speed factor is true over wheel speed,
+so one minus it is the mean slip; it wanders and returns to what the soil usually gives. The slide is what the body
+moves beside that, downhill across a slope and while it turns on the spot, over the travel of its wheels. Roll and pitch
+come from a complementary filter of gyroscope and accelerometer. Without GNSS it is dead reckoning, and the standard
+deviations grow. Method: Thrun, Burgard, Fox, "Probabilistic Robotics" (2005), section 3.3; Mahony et al., IEEE TAC
+53(5), 2008.
 """
 
 from __future__ import annotations
@@ -16,7 +18,8 @@ from planner.mobility import body_motion
 from worlds.geometry import quaternion_from_euler, rotation_from_quaternion, wrap_angle
 from worlds.types import FloatArray, Footprint, GnssReading, GroundPlane, Pose, PoseEstimate, SensorReadings, Vector3
 
-X, Y, Z, YAW, BIAS, FACTOR = range(6)
+X, Y, Z, YAW, BIAS, FACTOR, SLIDE_X, SLIDE_Y = range(8)
+STATES = 8
 
 
 @dataclass(frozen=True)
@@ -34,6 +37,8 @@ class SensorModel:
     factor_sd: float = 0.25
     factor_time_s: float = 3.0
     side_slip_sd: float = 0.06  # of the speed, per sqrt(s): skid-steer wheels drift sideways
+    slide_sd: float = 1.5  # slide over wheel travel, for each unit of the sine of the tilt; a turn on the spot has 2.2
+    slide_distance_m: float = 1.0  # wheel travel after which a slide is forgotten
     tilt_time_s: float = 3.0  # the accelerometer corrects roll and pitch so slowly
     normal_distance_m: float = 8.0  # wheel travel over which the ground's normal is averaged
     first_normal_m: float = 1.0  # wheel travel that the first guess of the normal is worth
@@ -44,14 +49,15 @@ class LocalizationState:
     """All that the filter remembers."""
 
     time_s: float
-    mean: FloatArray  # (6,)
-    covariance: FloatArray  # (6, 6)
+    mean: FloatArray  # (8,)
+    covariance: FloatArray  # (8, 8)
     roll_rad: float
     pitch_rad: float
-    speed_m_s: float  # along body x, after slip
+    speed_m_s: float  # along body x, after slip, without the slide
     yaw_rate_rad_s: float
     normal_w: FloatArray = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))  # (3,) smoothed ground normal
     travel_m: float = 0.0  # of the wheels, turning on the spot included
+    slide_m_s_w: FloatArray = field(default_factory=lambda: np.zeros(2))  # (2,)
 
 
 def start(
@@ -60,8 +66,9 @@ def start(
     """State of a rover that stands still at a known place; heading and tilt come from ``readings``."""
     model = model or SensorModel()
     roll, pitch = _tilt(readings.imu.acceleration_b)
-    mean = np.array([*position_w, readings.imu.heading_rad, 0.0, model.usual_factor])
-    sd = np.array([*(position_sd_m,) * 3, model.heading_sd_rad, 0.01, model.factor_sd])
+    mean = np.array([*position_w, readings.imu.heading_rad, 0.0, model.usual_factor, 0.0, 0.0])
+    slide_sd = model.slide_sd * float(np.sin(np.hypot(roll, pitch)))
+    sd = np.array([*(position_sd_m,) * 3, model.heading_sd_rad, 0.01, model.factor_sd, slide_sd, slide_sd])
     # One place tells the general slope no better than "level" does: half of each.
     normal = rotation_from_quaternion(quaternion_from_euler(roll / 2, pitch / 2, readings.imu.heading_rad))[:, 2]
     return LocalizationState(readings.time_s, mean, np.diag(sd**2), roll, pitch, 0.0, 0.0, normal)
@@ -78,8 +85,8 @@ def localize(
     predicted = _predict(state, readings, footprint, model, step)
     mean, covariance = _correct_heading(predicted, readings.imu.heading_rad, model, step)
     if readings.gnss is not None:
-        wheel_speed = body_motion(readings.wheel_speed_rad_s, footprint).linear_m_s
-        mean, covariance = _correct_gnss(mean, covariance, readings.gnss, wheel_speed, predicted.pitch_rad, model)
+        wheels = body_motion(readings.wheel_speed_rad_s, footprint).linear_m_s, _rim_speed(readings, footprint)
+        mean, covariance = _correct_gnss(mean, covariance, readings.gnss, wheels, predicted.pitch_rad, model)
     corrected = replace(predicted, mean=mean, covariance=covariance)
     return _with_motion(corrected, state, readings, footprint, model)
 
@@ -90,6 +97,7 @@ def estimate(state: LocalizationState) -> PoseEstimate:
     pose = Pose(state.mean[:3].copy(), quaternion_from_euler(state.roll_rad, state.pitch_rad, yaw))
     sd = float(np.sqrt(max(np.linalg.eigvalsh(state.covariance[:2, :2])[-1], 0.0)))
     velocity = state.speed_m_s * _forward(yaw, state.pitch_rad)
+    velocity[:2] += state.slide_m_s_w
     return PoseEstimate(
         state.time_s, pose, velocity, state.yaw_rate_rad_s, sd, float(np.sqrt(max(state.covariance[YAW, YAW], 0.0)))
     )
@@ -110,19 +118,27 @@ def _predict(
 ) -> LocalizationState:
     roll, pitch, yaw_rate = _attitude(state, readings, model, step)
     wheel_speed = body_motion(readings.wheel_speed_rad_s, footprint).linear_m_s
+    travel = _rim_speed(readings, footprint) * step
     mean = state.mean.copy()
     direction = _forward(mean[YAW] + 0.5 * step * yaw_rate, pitch)
     mean[:3] += mean[FACTOR] * wheel_speed * step * direction
+    mean[:2] += travel * mean[SLIDE_X:]
     mean[YAW] = wrap_angle(mean[YAW] + step * yaw_rate)
     decay = np.exp(-step / model.factor_time_s)
-    transition = np.eye(6)
+    kept = float(np.exp(-travel / model.slide_distance_m))
+    transition = np.eye(STATES)
+    transition[X, SLIDE_X] = transition[Y, SLIDE_Y] = travel
+    transition[SLIDE_X, SLIDE_X] = transition[SLIDE_Y, SLIDE_Y] = kept
     transition[:3, FACTOR] = wheel_speed * step * direction
     transition[:2, YAW] = mean[FACTOR] * wheel_speed * step * np.array([-direction[1], direction[0]])
     transition[YAW, BIAS] = -step
     transition[FACTOR, FACTOR] = decay
     mean[FACTOR] = model.usual_factor + decay * (mean[FACTOR] - model.usual_factor)
+    mean[SLIDE_X:] *= kept
     side = (model.side_slip_sd * wheel_speed) ** 2 * step
-    noise = np.array([side, side, side, 0.0, model.bias_walk**2 * step, model.factor_sd**2 * (1 - decay**2)])
+    slide = (model.slide_sd * float(np.sin(np.hypot(roll, pitch)))) ** 2 * (1 - kept**2)
+    factor = model.factor_sd**2 * (1 - decay**2)
+    noise = np.array([side, side, side, 0.0, model.bias_walk**2 * step, factor, slide, slide])
     noise[YAW] = (model.gyro_sd_rad_s**2) * step * model.heading_correlation_s
     covariance = transition @ state.covariance @ transition.T + np.diag(noise)
     return replace(
@@ -171,7 +187,7 @@ def _correct_heading(
 ) -> tuple[FloatArray, FloatArray]:
     # Readings inside one correlation time carry one reading's worth of news.
     variance = model.heading_sd_rad**2 * max(1.0, model.heading_correlation_s / step)
-    row = np.zeros((1, 6))
+    row = np.zeros((1, STATES))
     row[0, YAW] = 1.0
     innovation = np.array([wrap_angle(heading - state.mean[YAW])])
     return _update(state.mean, state.covariance, row, innovation, np.array([[variance]]))
@@ -181,16 +197,19 @@ def _correct_gnss(
     mean: FloatArray,
     covariance: FloatArray,
     gnss: GnssReading,
-    wheel_speed: float,
+    wheels_m_s: tuple[float, float],
     pitch: float,
     model: SensorModel,
 ) -> tuple[FloatArray, FloatArray]:
+    """``wheels_m_s``: speed of the body that the wheels tell, and mean speed of the rims."""
+    wheel_speed, rim_speed = wheels_m_s
     direction = _forward(mean[YAW], pitch)
-    rows = np.zeros((5, 6))
+    rows = np.zeros((5, STATES))
     rows[:3, :3] = np.eye(3)
+    rows[3, SLIDE_X] = rows[4, SLIDE_Y] = rim_speed
     rows[3:, FACTOR] = wheel_speed * direction[:2]
     rows[3:, YAW] = mean[FACTOR] * wheel_speed * np.array([-direction[1], direction[0]])
-    expected = np.concatenate([mean[:3], mean[FACTOR] * wheel_speed * direction[:2]])
+    expected = np.concatenate([mean[:3], mean[FACTOR] * wheel_speed * direction[:2] + rim_speed * mean[SLIDE_X:]])
     measured = np.array([*gnss.position_w, *gnss.velocity_w[:2]])
     place = gnss.position_sd_m**2
     # Sideways drift is no error of the heading: it widens what the velocity may say.
@@ -204,7 +223,7 @@ def _update(
 ) -> tuple[FloatArray, FloatArray]:
     """Kalman correction in Joseph's form, which keeps the covariance positive."""
     gain = np.linalg.solve(rows @ covariance @ rows.T + noise, rows @ covariance).T
-    kept = np.eye(6) - gain @ rows
+    kept = np.eye(STATES) - gain @ rows
     corrected = mean + gain @ innovation
     corrected[YAW] = wrap_angle(float(corrected[YAW]))
     corrected[FACTOR] = np.clip(corrected[FACTOR], -0.5, 1.5)
@@ -221,9 +240,16 @@ def _with_motion(
     """Speed, wheel travel and the smoothed normal after a correction."""
     speed = float(state.mean[FACTOR]) * body_motion(readings.wheel_speed_rad_s, footprint).linear_m_s
     step = state.time_s - before.time_s
-    travelled = float(np.mean(np.abs(readings.wheel_speed_rad_s))) * footprint.wheel_radius_m * step
+    rim_speed = _rim_speed(readings, footprint)
+    travelled = rim_speed * step
     up = rotation_from_quaternion(quaternion_from_euler(state.roll_rad, state.pitch_rad, float(state.mean[YAW])))[:, 2]
     share = travelled / (min(before.travel_m + model.first_normal_m, model.normal_distance_m) + travelled)
     normal = before.normal_w + share * (up - before.normal_w)
     normal = normal / np.linalg.norm(normal)
-    return replace(state, speed_m_s=speed, normal_w=normal, travel_m=before.travel_m + travelled)
+    slide = rim_speed * state.mean[SLIDE_X:]
+    return replace(state, speed_m_s=speed, normal_w=normal, travel_m=before.travel_m + travelled, slide_m_s_w=slide)
+
+
+def _rim_speed(readings: SensorReadings, footprint: Footprint) -> float:
+    """Mean speed (m/s) of the rims, whichever way they turn."""
+    return float(np.mean(np.abs(readings.wheel_speed_rad_s))) * footprint.wheel_radius_m

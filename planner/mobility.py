@@ -25,6 +25,8 @@ class Command:
 
 
 STOP = Command(0.0, 0.0)
+LEAST_COURSE_M_S = 0.1  # a slower rover has no course that could be told
+MOST_DRIFT_RAD = float(np.deg2rad(25.0))
 
 
 @dataclass(frozen=True)
@@ -88,6 +90,7 @@ def follow_path(
     if turning:
         return Command(0.0, _turn_rate(error, footprint, limits)), following
     tightest = (1.0 - limits.inner_share) / _effective_half_track(footprint)
+    error -= _drift(pose, yaw)
     curvature = _clamp(2.0 * float(np.sin(error)) / max(float(np.linalg.norm(target)), 0.2), tightest)
     speed = _speed(curvature, max(to_end, left), footprint, limits)
     rate = _clamp(speed * curvature, footprint.max_yaw_rate_rad_s)
@@ -138,6 +141,14 @@ def rim_speeds(wheel_speed_rad_s: tuple[float, ...], footprint: Footprint) -> tu
 
 def _effective_half_track(footprint: Footprint) -> float:
     return footprint.effective_track_ratio * footprint.track_m / 2.0
+
+
+def _drift(pose: PoseEstimate, heading_rad: float) -> float:
+    """Angle (rad) from the leading heading to the course: across a slope the rover goes downhill of where it points."""
+    east, north = float(pose.velocity_w[0]), float(pose.velocity_w[1])
+    sin, cos = float(np.sin(heading_rad)), float(np.cos(heading_rad))
+    ahead, left = east * cos + north * sin, north * cos - east * sin
+    return _clamp(float(np.arctan2(left, max(ahead, LEAST_COURSE_M_S))), MOST_DRIFT_RAD)
 
 
 def _turn_rate(error_rad: float, footprint: Footprint, limits: Limits) -> float:

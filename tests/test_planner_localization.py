@@ -125,3 +125,27 @@ def test_old_readings_change_nothing() -> None:
     state, truth = traverse(1.0, gnss=True)
     old = readings(0.5, truth, (0.5, 0.0), np.random.default_rng(0))
     assert loc.localize(state, old, FOOTPRINT) is state
+
+
+@pytest.mark.parametrize("spin", [0.0, 0.3])
+def test_a_slide_down_the_slope_is_followed(spin: float) -> None:
+    # As a Husky slides on 10 degrees of sand while it turns on the spot and while it drives across.
+    rng, tilt = np.random.default_rng(4), (0.17, 0.0)
+    speed, slide = (0.0, np.array([0.0, -0.09])) if spin else (0.4, np.array([0.0, -0.07]))
+    truth = np.zeros(3)
+    state = loc.start(readings(0.0, truth, (0.0, 0.0), rng, tilt=tilt), (0.0, 0.0, 0.2))
+    errors = []
+    for tick in range(1, 480):
+        truth = truth + 0.025 * np.array(
+            [speed * np.cos(truth[2]) + slide[0], speed * np.sin(truth[2]) + slide[1], spin]
+        )
+        reading = readings(tick / 40, truth, (speed, spin), rng, gnss=tick % 8 == 0, tilt=tilt)
+        if reading.gnss is not None:
+            east, north, up = reading.gnss.velocity_w
+            moving = (east + slide[0], north + slide[1], up)
+            reading = replace(reading, gnss=replace(reading.gnss, velocity_w=moving))
+        state = loc.localize(state, reading, FOOTPRINT)
+        errors.append(np.linalg.norm(state.mean[:2] - truth[:2]))
+    assert max(errors) < 0.15
+    assert np.mean(errors[200:]) < 0.05
+    assert loc.estimate(state).velocity_w[:2] == pytest.approx([speed + slide[0], slide[1]], abs=0.04)

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -72,6 +74,22 @@ def distance_to(path: list[list[float]], point: np.ndarray) -> float:
     steps = np.diff(corners, axis=0)
     along = np.clip(((point - corners[:-1]) * steps).sum(1) / (steps**2).sum(1), 0, 1)
     return float(np.min(np.linalg.norm(corners[:-1] + along[:, None] * steps - point, axis=1)))
+
+
+@pytest.mark.parametrize("reverse", [False, True])
+def test_a_path_across_a_slope_is_kept_by_pointing_uphill(*, reverse: bool) -> None:
+    path, lead = np.array([[0.0, 0.0], [-6.0 if reverse else 6.0, 0.0]]), -1.0 if reverse else 1.0
+    state, progress, velocity, off = np.zeros(3), mobility.Progress(), np.zeros(3), []
+    while not progress.arrived:
+        estimate = replace(pose_at(*state), velocity_w=velocity)
+        command, progress = mobility.follow_path(path, estimate, FOOTPRINT, LIMITS, progress, reverse=reverse)
+        before, state = state, drive(state, command, 0.05)
+        state[1] -= 0.18 * abs(command.linear_m_s) * 0.05  # slides as on 10 degrees of sand
+        velocity = np.array([*(state[:2] - before[:2]) / 0.05, 0.0])
+        off.append(-state[1])
+    assert max(off) < 0.08
+    assert abs(np.mean(off[len(off) // 2 :])) < 0.03  # 0.13 without
+    assert lead * state[2] == pytest.approx(np.arctan(0.18), abs=0.04)
 
 
 def test_a_goal_behind_is_turned_to_on_the_spot() -> None:
