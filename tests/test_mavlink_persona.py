@@ -30,7 +30,7 @@ def result(yard: Yard, station: Station, message: Message) -> int:
 
 
 @pytest.mark.parametrize(
-    ("persona", "autopilot", "bits"), [(ARDUPILOT, 3, 0x221AC), (PX4, 12, 0x21BC), (GENERIC, 0, 0x21BC)]
+    ("persona", "autopilot", "bits"), [(ARDUPILOT, 3, 0x2E1AC), (PX4, 12, 0xE1BC), (GENERIC, 0, 0xE1BC)]
 )
 def test_identity(persona: Persona, autopilot: int, bits: int) -> None:
     yard, station = yard_of(persona)

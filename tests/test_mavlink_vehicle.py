@@ -37,7 +37,7 @@ def test_it_is_an_ardupilot_rover_that_says_it_is_a_simulator(yard: Yard, statio
     assert (beat.type, beat.autopilot, beat.custom_mode, beat.system_status) == (10, 3, 4, 3)
     back = yard.ask(station, command(512, 148), "AUTOPILOT_VERSION", "COMMAND_ACK", "STATUSTEXT")
     version = next(message for message in back if message.get_type() == "AUTOPILOT_VERSION")
-    assert version.capabilities == 0x221AC
+    assert version.capabilities == 0x2E1AC
     assert version.flight_sw_version & 0xFF == 0  # type DEV: no "outdated firmware" pop-up
     assert any("simulated" in message.text for message in back if message.get_type() == "STATUSTEXT")
     again = yard.ask(station, command(512, 148), "STATUSTEXT")

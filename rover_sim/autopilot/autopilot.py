@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from planner.mobility import STOP, Command, Limits, ramp, wheel_speeds
+from rover_sim.autopilot.alarm import Alarm
 from rover_sim.autopilot.events import Event, Reached, Text
 from rover_sim.autopilot.failsafe import Failsafe
-from rover_sim.autopilot.mission import DriveTo, Item, Mission, ReturnHome, TurnTo
+from rover_sim.autopilot.fence_guard import FenceGuard
+from rover_sim.autopilot.mission import DriveTo, Item, Mission, TurnTo
 from rover_sim.autopilot.modes import MissionState, Mode, Severity
+from rover_sim.autopilot.motion_limits import limits
 from rover_sim.autopilot.parameters import ParameterTable
+from rover_sim.autopilot.returning import ReturnPlaces
 from rover_sim.autopilot.runner import MissionRunner
+from rover_sim.autopilot.safety_parameters import ARDUPILOT_SAFETY
 from rover_sim.autopilot.sticks import StickPilot
 from rover_sim.autopilot.targets import Target, TargetFollower
-from worlds.types import Footprint, PoseEstimate, SensorReadings, Vector3
+from worlds.types import FloatArray, Footprint, PoseEstimate, SensorReadings, Vector3
 
-YAW_PER_ACCELERATION = 2.0  # 1/m
-LOOKAHEAD_LENGTHS, SLOW_RADIUS_LENGTHS = 0.5, 1.2  # of the rover
+DRIVING_MODES = (Mode.AUTO, Mode.GUIDED, Mode.RETURN, Mode.SMART_RETURN)
 _LONGEST_STEP_S = 0.2  # a pause between two updates must not become a jump in speed
 
 
@@ -27,12 +29,15 @@ class Autopilot:
         self.footprint = footprint
         self.home_w = home_w
         self.parameters = parameters or ParameterTable()
+        self.parameters.extend(ARDUPILOT_SAFETY)
         self.mode = Mode.HOLD
         self.armed = False
         self.tripped = False  # a fail-safe stopped the rover, and nobody has changed the mode since
         self.auto = MissionRunner(footprint)
         self.failsafe = Failsafe(footprint)
         self.pilot = StickPilot()
+        self.fence = FenceGuard(self.parameters)
+        self.returns = ReturnPlaces(self.parameters, self.fence)
         self._guided = MissionRunner(footprint)
         self._targets = TargetFollower(footprint)
         self._motion = STOP
@@ -53,6 +58,8 @@ class Autopilot:
             self._say(trip.severity, f"{trip.text}, hold")
             self._enter(Mode.HOLD)
             self.tripped = True
+        if estimate is not None:
+            self._watch(time_s, estimate)
         lost = self._operator_lost(time_s)
         wanted = self._wanted(time_s, estimate)
         if not self.armed or lost or wanted is None:
@@ -64,7 +71,7 @@ class Autopilot:
     @property
     def driving(self) -> bool:
         """Whether the autopilot itself may move the rover now."""
-        return self.armed and self.mode in (Mode.AUTO, Mode.GUIDED, Mode.RETURN)
+        return self.armed and self.mode in DRIVING_MODES
 
     @property
     def has_guided_task(self) -> bool:
@@ -86,6 +93,7 @@ class Autopilot:
         reason = None if force else self.prearm_reason()
         if reason is None and not self.armed:
             self.armed = True
+            self.returns.track.clear()
             self._say(Severity.INFO, "Armed")
             self._distrust_sticks()
             self._resume()
@@ -95,7 +103,14 @@ class Autopilot:
 
     def prearm_reason(self) -> str | None:
         """Why the rover cannot be armed now; None if it can."""
-        return self._unfit() or self.pilot.unfit()
+        reason = self._unfit() or self.pilot.unfit()
+        if reason is None and self._estimate is not None and not self.allows(self._estimate.pose.position_w):
+            return "outside of the fence"
+        return reason
+
+    def allows(self, position_w: FloatArray | Vector3) -> bool:
+        """Whether the fence, if there is one, allows the rover to be at a place."""
+        return self.fence.allows(position_w, self.home_w)
 
     def disarm(self) -> None:
         """Stop the wheels at once and forbid them to turn."""
@@ -116,8 +131,6 @@ class Autopilot:
             return reason
         if mode is not self.mode:
             self._enter(mode)
-            if mode is Mode.RETURN:
-                self._guide(ReturnHome())
         if mode is Mode.AUTO and self.auto.state is MissionState.COMPLETE:
             self.auto.load(self.auto.mission)  # begins anew
         self._resume()
@@ -128,8 +141,14 @@ class Autopilot:
         return self.set_mode(Mode.AUTO)
 
     def set_mission(self, mission: Mission, current: int | None = None) -> None:
-        """Replace the mission. In mode Auto and armed the rover goes on with the new one at once."""
+        """Replace the mission. In mode Auto and armed the rover goes on with the new one at once.
+
+        One that leads out of the fence is kept, but not driven: the rover goes to Hold.
+        """
         self.auto.load(mission, current)
+        reason = self.fence.leads_out(self.auto.mission, self.home_w)
+        if reason is not None and self.mode is Mode.AUTO and self.armed:
+            self._respond(Alarm(Severity.ERROR, f"Mission: {reason}", (Mode.HOLD,)))
         self._resume()
 
     def set_current(self, index: int) -> bool:
@@ -141,6 +160,9 @@ class Autopilot:
 
     def goto(self, position_w: Vector3) -> str | None:
         """Mode Guided and drive to a place in a straight line; the reason if it is refused."""
+        if not self.allows(position_w):
+            self._say(Severity.WARNING, "Guided: the target is outside of the fence")
+            return "the target is outside of the fence"
         return self._guided_to(DriveTo(position_w))
 
     def turn(self, heading_rad: float, *, relative: bool = False) -> str | None:
@@ -168,46 +190,63 @@ class Autopilot:
             self._guide(item)
         return reason
 
-    def _guide(self, item: Item) -> None:
+    def _guide(self, *items: Item) -> None:
         self._targets.forget()
-        self._guided.load(Mission((item,)))
+        self._guided.load(Mission(items))
         self._guided.start()
+
+    def _watch(self, time_s: float, estimate: PoseEstimate) -> None:
+        """Everything that may take the wheel from whoever drives, other than what makes driving impossible."""
+        alarm = self.fence.update(time_s, estimate, self.home_w, armed=self.armed)
+        if alarm is not None:
+            self._respond(alarm)
+        if self.armed and self.mode is not Mode.SMART_RETURN:
+            self.returns.note(estimate.pose.position_w)
+
+    def _respond(self, alarm: Alarm) -> None:
+        """Say it, and change to the first mode of its response that is possible; a rover on its way back goes on."""
+        mode = None
+        if self.armed and alarm.response:
+            back = self.mode in alarm.response and self.mode is not Mode.HOLD
+            possible = (self.mode,) if back else alarm.response
+            mode = next((mode for mode in possible if self._refusal(mode) is None), Mode.HOLD)
+            if mode is not self.mode:
+                self._enter(mode)
+            self.tripped = True
+        told = "" if mode is None else f", {mode.name.lower().replace('_', ' ')}"
+        self._say(alarm.severity, alarm.text + told)
+
+    def _unfit(self) -> str | None:
+        """Why the rover must not drive by itself now."""
+        if self._time_s is None:
+            return "no pose estimate yet"
+        return self.failsafe.unfit(self._time_s, self._estimate, self.parameters)
 
     def _refusal(self, mode: Mode) -> str | None:
         if mode is Mode.AUTO and self.auto.mission.empty:
             return "no mission"
-        if mode in (Mode.AUTO, Mode.GUIDED, Mode.RETURN):
-            return self._unfit()
-        return None
-
-    def _unfit(self) -> str | None:
-        if self._time_s is None:
-            return "no pose estimate yet"
-        return self.failsafe.unfit(self._time_s, self._estimate, self.parameters)
+        if mode is Mode.SMART_RETURN and self.returns.way_back().empty:
+            return "the way back is not known"
+        reason = self._unfit() if mode in DRIVING_MODES else None
+        return self.fence.leads_out(self.auto.mission, self.home_w) if reason is None and mode is Mode.AUTO else reason
 
     def _operator_lost(self, time_s: float) -> bool:
         """Whether sticks or set points that drive the rover have just been lost; the fail-safe is then done."""
         steering = self.armed and self.mode is Mode.MANUAL
         if self.pilot.lost(time_s) and steering:
-            self._fall_back("Sticks lost", self.pilot.on_loss)
+            self._lose("Sticks lost", self.pilot.on_loss)
             return True
         guided = self.armed and self.mode is Mode.GUIDED
         if self._targets.lost(time_s) and guided:
-            self._fall_back("Set points lost", Mode.HOLD if self._targets.hold_on_loss else None)
+            self._lose("Set points lost", Mode.HOLD if self._targets.hold_on_loss else None)
             return True
         return False
 
-    def _fall_back(self, text: str, mode: Mode | None) -> None:
-        if mode is not None and self._refusal(mode) is not None:
-            mode = Mode.HOLD
+    def _lose(self, text: str, mode: Mode | None) -> None:
         if mode is None:
             self._say(Severity.WARNING, f"{text}, stopped")
-            return
-        self._say(Severity.CRITICAL, f"{text}, {mode.name.lower()}")
-        self._enter(mode)
-        if mode is Mode.RETURN:
-            self._guide(ReturnHome())
-        self.tripped = True
+        else:
+            self._respond(Alarm(Severity.CRITICAL, text, (mode,)))
 
     def _distrust_sticks(self) -> None:
         if self.pilot.distrust() and self.armed and self.mode is Mode.MANUAL:
@@ -222,6 +261,12 @@ class Autopilot:
         self.tripped = False
         self.failsafe.reset()
         self._distrust_sticks()
+        if mode is Mode.RETURN and self._estimate is not None:
+            what, place_w = self.returns.place(self._estimate.pose.position_w, self.home_w)
+            self._say(Severity.INFO, f"Returning to {what}")
+            self._guide(DriveTo(place_w))
+        elif mode is Mode.SMART_RETURN:
+            self._guide(*self.returns.way_back().items)
 
     def _resume(self) -> None:
         """In mode Auto an armed rover drives what is left of its mission."""
@@ -238,7 +283,12 @@ class Autopilot:
             return self._targets.wanted(time_s, estimate, self._limits(), self.home_w)
         runner = self.auto if self.mode is Mode.AUTO else self._guided
         before = runner.state
-        command, reached = runner.step(time_s, estimate, self._limits(), self.home_w)
+        command, reached = runner.step(
+            time_s,
+            estimate,
+            self._limits(),
+            lambda: self.returns.place(estimate.pose.position_w, self.home_w)[1],
+        )
         if runner is self.auto:
             self._events.extend(Reached(index) for index in reached)
             if runner.state is MissionState.COMPLETE is not before:
@@ -246,15 +296,7 @@ class Autopilot:
         return command
 
     def _limits(self) -> Limits:
-        return Limits(
-            cruise_speed_m_s=self.parameters["CRUISE_SPEED"],
-            turn_rate_rad_s=float(np.deg2rad(self.parameters["TURN_RATE"])),
-            arrival_radius_m=self.parameters["WP_RADIUS"],
-            acceleration_m_s2=self.parameters["ACCEL_MAX"],
-            yaw_acceleration_rad_s2=YAW_PER_ACCELERATION * self.parameters["ACCEL_MAX"],
-            lookahead_m=LOOKAHEAD_LENGTHS * self.footprint.length_m,
-            slow_radius_m=SLOW_RADIUS_LENGTHS * self.footprint.length_m,
-        )
+        return limits(self.parameters, self.footprint)
 
     def _say(self, severity: Severity, text: str) -> None:
         self._events.append(Text(severity, text))

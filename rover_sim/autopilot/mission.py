@@ -52,7 +52,7 @@ class Wait:
 
 @dataclass(frozen=True)
 class ReturnHome:
-    """Drive to the home position in a straight line."""
+    """Drive to where "return" leads, a rally point or home, in a straight line."""
 
 
 Item = Home | DriveTo | TurnTo | SetSpeed | SetReverse | Wait | ReturnHome

@@ -12,6 +12,7 @@ class Mode(IntEnum):
     HOLD = 4
     AUTO = 10
     RETURN = 11
+    SMART_RETURN = 12
     GUIDED = 15
 
 

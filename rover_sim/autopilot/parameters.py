@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 
@@ -58,6 +58,11 @@ class ParameterTable:
             if parameter.name not in self._table:
                 self._table[parameter.name] = parameter
                 self._values[parameter.name] = float(parameter.default)
+
+    def remove(self, names: Iterable[str]) -> None:
+        """Take parameters out, such as those that another kind of autopilot calls differently."""
+        for name in names:
+            del self._table[name], self._values[name]
 
     def takes(self, name: str, value: float) -> bool:
         """Whether a known parameter may have this value: NaN never, others within the limits."""

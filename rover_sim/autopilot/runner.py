@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -30,7 +31,7 @@ class MissionRunner:
         self.state = MissionState.NO_MISSION
         self.current = 0
         self._footprint = footprint
-        self._home_w: Vector3 = (0.0, 0.0, 0.0)
+        self._return_w: Callable[[], Vector3] = lambda: (0.0, 0.0, 0.0)
         self._reverse = False
         self._speed_m_s: float | None = None
         self._leg: _Leg | None = None
@@ -74,10 +75,13 @@ class MissionRunner:
             self._enter(self.current)
 
     def step(
-        self, time_s: float, estimate: PoseEstimate, limits: Limits, home_w: Vector3
+        self, time_s: float, estimate: PoseEstimate, limits: Limits, return_w: Callable[[], Vector3]
     ) -> tuple[Command, tuple[int, ...]]:
-        """Wanted motion and the indices of the items that were reached; `STOP` unless the state is ACTIVE."""
-        self._home_w = home_w
+        """Wanted motion and the indices of the items that were reached; `STOP` unless the state is ACTIVE.
+
+        ``return_w`` is asked where "return" leads when the rover sets out for it.
+        """
+        self._return_w = return_w
         reached: list[int] = []
         while self.state is MissionState.ACTIVE:
             before = self.current
@@ -161,7 +165,7 @@ class MissionRunner:
 
     def _place(self, index: int) -> Vector3:
         item = self.mission.items[index]
-        return item.position_w if isinstance(item, DriveTo) else self._home_w
+        return item.position_w if isinstance(item, DriveTo) else self._return_w()
 
     def _turn(self, item: TurnTo, estimate: PoseEstimate, limits: Limits) -> Command | None:
         if self._heading_rad is None:

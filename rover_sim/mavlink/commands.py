@@ -11,6 +11,7 @@ from rover_sim.mavlink.context import Context
 from rover_sim.mavlink.dialect import Message, mavlink
 from rover_sim.mavlink.endpoint import Client
 from rover_sim.mavlink.geodesy import DEGREES_E7
+from rover_sim.mavlink.parameter_server import parameter_value
 from rover_sim.mavlink.telemetry import Telemetry
 from rover_sim.mavlink.wire import RefusedItemError, place_of, turn_item
 from worlds.types import Vector3
@@ -83,7 +84,10 @@ def _reposition(context: Context, _telemetry: Telemetry, request: Request) -> in
     if context.persona.px4_modes and math.isnan(request.p5) and math.isnan(request.p6):
         return _result(context.autopilot.set_mode(Mode.HOLD))  # "stay where you are", QGroundControl's pause
     place = _place(context, request)
-    return DENIED if place is None else _result(context.autopilot.goto(place))
+    if place is None:
+        return DENIED
+    reason = context.autopilot.goto(place)
+    return _result(reason) if context.autopilot.allows(place) else DENIED
 
 
 def _change_speed(context: Context, _telemetry: Telemetry, request: Request) -> int:
@@ -110,6 +114,18 @@ def _set_home(context: Context, _telemetry: Telemetry, request: Request) -> int:
     if place is None:
         return DENIED
     context.autopilot.home_w = place
+    return ACCEPTED
+
+
+def _fence_enable(context: Context, _telemetry: Telemetry, request: Request) -> int:
+    """Sets FENCE_ENABLE; a PX4 has no such switch, and a rover no floor to lift alone (2)."""
+    parameters = context.autopilot.parameters
+    if "FENCE_ENABLE" not in parameters:
+        return UNSUPPORTED
+    if request.p1 not in (0.0, 1.0):
+        return DENIED
+    parameters.set("FENCE_ENABLE", request.p1)
+    context.endpoint.broadcast(parameter_value(context, "FENCE_ENABLE"))
     return ACCEPTED
 
 
@@ -169,6 +185,7 @@ ACTIONS: Mapping[int, Action] = {
     mavlink.MAV_CMD_PREFLIGHT_STORAGE: _storage,
     mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH: _return,
     mavlink.MAV_CMD_DO_SET_HOME: _set_home,
+    mavlink.MAV_CMD_DO_FENCE_ENABLE: _fence_enable,
     mavlink.MAV_CMD_RUN_PREARM_CHECKS: _prearm,
     mavlink.MAV_CMD_REQUEST_MESSAGE: _request_message,
     mavlink.MAV_CMD_SET_MESSAGE_INTERVAL: _set_interval,

@@ -31,6 +31,7 @@ class Context:
     readings: SensorReadings | None = None
     gnss: GnssReading | None = None  # the last fix
     channels: dict[int, int] = field(default_factory=dict)  # RC channels that a ground station holds, microseconds
+    plans: tuple[Plan, ...] = ()  # mission, fence and rally points
 
     def look(self, time_s: float, estimate: PoseEstimate | None, readings: SensorReadings | None) -> None:
         """Take over this tick's belief; a pose that is not finite is none."""
@@ -44,6 +45,12 @@ class Context:
     def boot_ms(self) -> int:
         """Time since start as MAVLink's wrapping counter."""
         return int(self.time_s * 1e3) & 0xFFFFFFFF
+
+
+class Plan(Protocol):
+    """A stored list, as far as telemetry tells of it."""
+
+    opaque_id: int  # 0 if it is empty
 
 
 class Service(Protocol):

@@ -12,7 +12,19 @@ from typing import Any
 
 from pymavlink.dialects.v20 import development as mavlink
 
-__all__ = ["MAVLINK_1", "MAVLINK_2", "Message", "Packer", "Parser", "mavlink"]
+from rover_sim.mavlink.extensions import mission_ack, mission_count, mission_current
+
+__all__ = [
+    "MAVLINK_1",
+    "MAVLINK_2",
+    "Message",
+    "Packer",
+    "Parser",
+    "mavlink",
+    "mission_ack",
+    "mission_count",
+    "mission_current",
+]
 
 Message = Any  # pymavlink's generated classes carry no types
 

@@ -1,27 +1,38 @@
-"""Mission download, clearing, and the choice of the current item: each request is answered on its own."""
+"""Downloads and clearing of all lists, and the choice of the current mission item."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 from rover_sim.mavlink.context import Context, Handler
-from rover_sim.mavlink.dialect import Message, mavlink
+from rover_sim.mavlink.dialect import Message, mavlink, mission_count
 from rover_sim.mavlink.endpoint import Client
+from rover_sim.mavlink.item_store import ItemStore
 from rover_sim.mavlink.mission_server import MissionServer
-from rover_sim.mavlink.mission_store import MissionStore
 from rover_sim.mavlink.status import mission_current, status_texts
+from rover_sim.mavlink.wire import WireItem
 
-_MISSION = mavlink.MAV_MISSION_TYPE_MISSION
-_EMPTY_LISTS = (mavlink.MAV_MISSION_TYPE_FENCE, mavlink.MAV_MISSION_TYPE_RALLY)
+_MISSION, _ALL = mavlink.MAV_MISSION_TYPE_MISSION, mavlink.MAV_MISSION_TYPE_ALL
+_READING_S = 10.0  # without a question, after which a download is over
+
+
+@dataclass
+class _Reading:
+    """The list as it was when its reader asked for the count: what comes later must belong to the same list."""
+
+    items: tuple[WireItem, ...]
+    heard_s: float
 
 
 class MissionReader:
-    """Serves the stored mission; keeps no memory of who is reading how far."""
+    """Serves the stored lists; a reader gets one list whole, whoever replaces it meanwhile."""
 
-    def __init__(self, context: Context, store: MissionStore, server: MissionServer) -> None:
+    def __init__(self, context: Context, stores: tuple[ItemStore, ...], server: MissionServer) -> None:
         self._context = context
-        self._store = store
+        self._stores = stores
         self._server = server
+        self._readings: dict[tuple[Client, int], _Reading] = {}
 
     @property
     def handlers(self) -> Mapping[str, Handler]:
@@ -36,40 +47,48 @@ class MissionReader:
         }
 
     def tick(self) -> None:
-        """Nothing happens by itself."""
+        """Forget who reads no more."""
+        over_s = self._context.time_s - _READING_S
+        self._readings = {key: reading for key, reading in self._readings.items() if reading.heard_s > over_s}
 
     def _count(self, client: Client, message: Message) -> None:
-        kind = message.mission_type
-        if kind != _MISSION and kind not in _EMPTY_LISTS:
+        kind, store = message.mission_type, self._server.store(message)
+        if store is None:
             self._server.acknowledge(client, mavlink.MAV_MISSION_UNSUPPORTED, kind)
-        elif kind == _MISSION and self._server.receiving:
-            self._server.acknowledge(client, mavlink.MAV_MISSION_DENIED)
+        elif self._server.receiving(kind):
+            self._server.acknowledge(client, mavlink.MAV_MISSION_DENIED, kind)
         else:
-            count = len(self._store.items) if kind == _MISSION else 0
-            answer = mavlink.MAVLink_mission_count_message(client.system, client.component, count, kind)
+            self._readings[client, kind] = _Reading(store.readable, self._context.time_s)
+            answer = mission_count(client.system, client.component, len(store.items), kind, store.opaque_id)
             self._context.endpoint.reply(client, answer)
 
     def _item(self, client: Client, message: Message) -> None:
-        items = self._store.readable
-        if message.mission_type != _MISSION:
-            self._server.acknowledge(client, mavlink.MAV_MISSION_INVALID_SEQUENCE, message.mission_type)
-        elif message.seq >= len(items):
-            self._server.acknowledge(client, mavlink.MAV_MISSION_INVALID_SEQUENCE)
+        kind, store = message.mission_type, self._server.store(message)
+        if store is None:
+            self._server.acknowledge(client, mavlink.MAV_MISSION_UNSUPPORTED, kind)
+            return
+        reading = self._readings.get((client, kind))
+        items = store.readable if reading is None else reading.items
+        if reading is not None:
+            reading.heard_s = self._context.time_s
+        if message.seq >= len(items):
+            self._server.acknowledge(client, mavlink.MAV_MISSION_INVALID_SEQUENCE, kind)
         else:
-            answer = items[message.seq].message(client.system, client.component, message.seq)
+            answer = items[message.seq].message(client.system, client.component, message.seq, kind)
             self._context.endpoint.reply(client, answer)
 
     def _clear(self, client: Client, message: Message) -> None:
-        kind = message.mission_type
-        if kind in _EMPTY_LISTS:
-            self._server.acknowledge(client, mavlink.MAV_MISSION_ACCEPTED, kind)
-        elif kind not in (_MISSION, mavlink.MAV_MISSION_TYPE_ALL):
+        kind, store = message.mission_type, self._server.store(message)
+        stores = self._stores if kind == _ALL else (store,) if store is not None else ()
+        if not stores:
             self._server.acknowledge(client, mavlink.MAV_MISSION_UNSUPPORTED, kind)
-        elif not self._server.abandon(client):
-            self._server.acknowledge(client, mavlink.MAV_MISSION_DENIED, kind)
-        else:
-            self._store.replace([])
-            self._server.acknowledge(client, mavlink.MAV_MISSION_ACCEPTED, kind)
+            return
+        # A list that may not be touched stays; the others are cleared, as each of them would be alone.
+        free = [entry for entry in stores if self._server.claim(client, entry.kind)]
+        for entry in free:
+            self._server.write(client, entry.kind, [])
+        result = mavlink.MAV_MISSION_ACCEPTED if len(free) == len(stores) else mavlink.MAV_MISSION_DENIED
+        self._server.acknowledge(client, result, kind)
 
     def _set_current(self, _client: Client, message: Message) -> None:
         """Success is the broadcast MISSION_CURRENT, failure a text: the message has no acknowledgement."""

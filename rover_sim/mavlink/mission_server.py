@@ -1,4 +1,4 @@
-"""Mission upload: one transfer at a time, re-asked by timer, committed only when complete.
+"""Uploads of missions, fences and rally points: one of a kind at a time, re-asked by timer, committed when complete.
 
 Rules: the MAVLink mission protocol, and where real clients differ, the table in docs/mavlink.md.
 """
@@ -6,14 +6,14 @@ Rules: the MAVLink mission protocol, and where real clients differ, the table in
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from rover_sim.mavlink.context import Context, Handler
-from rover_sim.mavlink.dialect import Message, mavlink
+from rover_sim.mavlink.dialect import MAVLINK_1, Message, mavlink, mission_ack
 from rover_sim.mavlink.endpoint import Client
 from rover_sim.mavlink.geodesy import DEGREES_E7
-from rover_sim.mavlink.mission_store import CAPACITY, MissionStore
+from rover_sim.mavlink.item_store import ItemStore
 from rover_sim.mavlink.status import status_texts
 from rover_sim.mavlink.wire import RefusedItemError, WireItem, place_of
 
@@ -21,6 +21,9 @@ REASK_S = 0.5
 STALLED_S = 8.0
 _REMEMBERED = 16  # clients whose last result is kept for repeated items
 _ACCEPTED = int(mavlink.MAV_MISSION_ACCEPTED)
+_CANCELLED = int(mavlink.MAV_MISSION_OPERATION_CANCELLED)
+_MISSION = int(mavlink.MAV_MISSION_TYPE_MISSION)
+_PLANNERS = range(mavlink.MAV_COMP_ID_ONBOARD_COMPUTER, mavlink.MAV_COMP_ID_ONBOARD_COMPUTER4 + 1)
 
 
 @dataclass
@@ -28,6 +31,7 @@ class _Upload:
     """The transfer in progress."""
 
     client: Client
+    store: ItemStore
     count: int
     heard_s: float  # the last item that was news
     asked_s: float
@@ -35,13 +39,14 @@ class _Upload:
 
 
 class MissionServer:
-    """Takes missions; other lists (fence, rally) are empty and stay so."""
+    """Takes lists. A person's mission stands above the planner's until a person clears it."""
 
-    def __init__(self, context: Context, store: MissionStore) -> None:
+    def __init__(self, context: Context, stores: Sequence[ItemStore]) -> None:
         self._context = context
-        self._store = store
-        self._upload: _Upload | None = None
-        self._finished: dict[Client, tuple[int, int]] = {}  # count and result of each client's last transfer
+        self._stores = {store.kind: store for store in stores}
+        self._uploads: dict[int, _Upload] = {}
+        self._held: set[int] = set()  # kinds of which a person wrote the list
+        self._finished: dict[tuple[Client, int], tuple[int, int]] = {}  # count and result of the last transfer
 
     @property
     def handlers(self) -> Mapping[str, Handler]:
@@ -54,49 +59,67 @@ class MissionServer:
             "MISSION_WRITE_PARTIAL_LIST": self._refuse_partial,
         }
 
-    @property
-    def receiving(self) -> bool:
-        """Whether a transfer is in progress."""
-        return self._upload is not None
-
     def tick(self) -> None:
         """Ask again for an item that does not come; give up after 8 s without news."""
-        upload = self._upload
-        if upload is None:
-            return
-        if self._context.time_s - upload.heard_s >= STALLED_S:
-            self._say("Mission upload timeout")
-            self._end(upload, mavlink.MAV_MISSION_OPERATION_CANCELLED)
-        elif self._context.time_s - upload.asked_s >= REASK_S:
-            self._ask(upload)
+        for upload in list(self._uploads.values()):
+            if self._context.time_s - upload.heard_s >= STALLED_S:
+                self._say(f"{upload.store.name} upload timeout")
+                self._end(upload, _CANCELLED)
+            elif self._context.time_s - upload.asked_s >= REASK_S:
+                self._ask(upload)
 
-    def acknowledge(self, client: Client, result: int, mission_type: int = mavlink.MAV_MISSION_TYPE_MISSION) -> None:
-        """MISSION_ACK to one client."""
-        answer = mavlink.MAVLink_mission_ack_message(client.system, client.component, result, mission_type)
+    def store(self, message: Message) -> ItemStore | None:
+        """The list that a message is about; None if there is no such list, or none for MAVLink 1.
+
+        A frame of MAVLink 1 cannot say which list it means; what stands in the place is not to be trusted.
+        """
+        if message.mission_type != _MISSION and message.get_msgbuf()[0] == MAVLINK_1:
+            return None
+        return self._stores.get(message.mission_type)
+
+    def receiving(self, kind: int) -> bool:
+        """Whether a transfer is in progress."""
+        return kind in self._uploads
+
+    def acknowledge(self, client: Client, result: int, kind: int = _MISSION) -> None:
+        """MISSION_ACK to one client, with the id of the list that the vehicle now has."""
+        opaque_id = self._stores[kind].opaque_id if kind in self._stores else 0
+        answer = mission_ack(client.system, client.component, result, kind, opaque_id)
         self._context.endpoint.reply(client, answer)
 
-    def abandon(self, client: Client) -> bool:
-        """End the client's own transfer without a result; False if somebody else's is in progress."""
-        if self._upload is not None and self._upload.client != client:
+    def claim(self, client: Client, kind: int) -> bool:
+        """Let a client write a list: it ends its own transfer, and a person the planner's; False if it may not."""
+        upload, planner = self._uploads.get(kind), self._is_planner(client)
+        if planner and kind in self._held:
             return False
-        self._upload = None
+        if upload is not None and upload.client != client:
+            if planner or not self._is_planner(upload.client):
+                return False
+            self._end(upload, _CANCELLED)
+        self._uploads.pop(kind, None)
         return True
 
-    def _begin(self, client: Client, message: Message) -> None:
-        if message.mission_type != mavlink.MAV_MISSION_TYPE_MISSION:
-            listed = (mavlink.MAV_MISSION_TYPE_FENCE, mavlink.MAV_MISSION_TYPE_RALLY)
-            nothing = message.mission_type in listed and message.count == 0  # no items into an empty list
-            self.acknowledge(client, _ACCEPTED if nothing else mavlink.MAV_MISSION_UNSUPPORTED, message.mission_type)
-        elif not self.abandon(client):
-            self.acknowledge(client, mavlink.MAV_MISSION_DENIED)
-        elif message.count > CAPACITY:
-            self._say(f"Mission of {message.count} items refused, at most {CAPACITY}")
-            self.acknowledge(client, mavlink.MAV_MISSION_NO_SPACE)
+    def write(self, client: Client, kind: int, items: Sequence[WireItem]) -> None:
+        """Replace a list that the client has claimed; raises RefusedItemError."""
+        self._stores[kind].replace(items)
+        if self._is_planner(client) or not self._stores[kind].items:
+            self._held.discard(kind)
         else:
-            self._finished.pop(client, None)
-            now = self._context.time_s
-            self._upload = _Upload(client, message.count, now, now)
-            self._go_on(self._upload)
+            self._held.add(kind)
+
+    def _begin(self, client: Client, message: Message) -> None:
+        store, now = self.store(message), self._context.time_s
+        if store is None:
+            self.acknowledge(client, mavlink.MAV_MISSION_UNSUPPORTED, message.mission_type)
+        elif not self.claim(client, store.kind):
+            self.acknowledge(client, mavlink.MAV_MISSION_DENIED, store.kind)
+        elif message.count > store.capacity:
+            self._say(f"{store.name} of {message.count} items refused, at most {store.capacity}")
+            self.acknowledge(client, mavlink.MAV_MISSION_NO_SPACE, store.kind)
+        else:
+            self._finished.pop((client, store.kind), None)
+            upload = self._uploads[store.kind] = _Upload(client, store, message.count, now, now)
+            self._go_on(upload)
 
     def _take_int(self, client: Client, message: Message) -> None:
         self._take(client, message, WireItem.of(message))
@@ -110,22 +133,25 @@ class MissionServer:
         self._take(client, message, WireItem.of(message))
 
     def _take(self, client: Client, message: Message, item: WireItem) -> None:
-        if message.mission_type != mavlink.MAV_MISSION_TYPE_MISSION:
+        store = self.store(message)
+        if store is None:
             self.acknowledge(client, mavlink.MAV_MISSION_UNSUPPORTED, message.mission_type)
-        elif message.current in (2, 3):
+            return
+        upload = self._uploads.get(store.kind)
+        if store.kind == _MISSION and message.current in (2, 3):
             self.acknowledge(client, self._guide(item) if message.current == 2 else _ACCEPTED)
-        elif self._upload is None:
-            self._repeat(client, message.seq)
-        elif self._upload.client != client:
-            self.acknowledge(client, mavlink.MAV_MISSION_DENIED)
-        elif message.seq == len(self._upload.items):
-            self._add(self._upload, item)
-        elif message.seq > len(self._upload.items):
-            self._ask(self._upload)  # one before it was lost; an error would end QGroundControl's upload
+        elif upload is None:
+            self._repeat(client, store.kind, message.seq)
+        elif upload.client != client:
+            self.acknowledge(client, mavlink.MAV_MISSION_DENIED, store.kind)
+        elif message.seq == len(upload.items):
+            self._add(upload, item)
+        elif message.seq > len(upload.items):
+            self._ask(upload)  # one before it was lost; an error would end QGroundControl's upload
 
     def _add(self, upload: _Upload, item: WireItem) -> None:
         try:
-            self._store.check(item, len(upload.items))
+            upload.store.check_item(item, len(upload.items))
         except RefusedItemError as error:
             self._end(upload, error.result)
             return
@@ -136,34 +162,40 @@ class MissionServer:
     def _go_on(self, upload: _Upload) -> None:
         if len(upload.items) < upload.count:
             self._ask(upload)
+            return
+        try:
+            self.write(upload.client, upload.store.kind, upload.items)
+        except RefusedItemError as error:
+            self._end(upload, error.result)
         else:
-            self._store.replace(upload.items)
             self._end(upload, _ACCEPTED)
 
     def _ask(self, upload: _Upload) -> None:
         upload.asked_s = self._context.time_s
         client = upload.client
-        question = mavlink.MAVLink_mission_request_int_message(client.system, client.component, len(upload.items))
+        question = mavlink.MAVLink_mission_request_int_message(
+            client.system, client.component, len(upload.items), upload.store.kind
+        )
         self._context.endpoint.reply(client, question)
 
     def _end(self, upload: _Upload, result: int) -> None:
-        self._upload = None
-        self._finished[upload.client] = upload.count, result
+        del self._uploads[upload.store.kind]
+        self._finished[upload.client, upload.store.kind] = upload.count, result
         if len(self._finished) > _REMEMBERED:
             del self._finished[next(iter(self._finished))]
-        self.acknowledge(upload.client, result)
+        self.acknowledge(upload.client, result, upload.store.kind)
 
-    def _repeat(self, client: Client, seq: int) -> None:
+    def _repeat(self, client: Client, kind: int, seq: int) -> None:
         """An item after the end: its sender may have missed the result, so it is told once more."""
-        count, result = self._finished.get(client, (0, int(mavlink.MAV_MISSION_ERROR)))
+        count, result = self._finished.get((client, kind), (0, int(mavlink.MAV_MISSION_ERROR)))
         if result != _ACCEPTED or seq == count - 1:
-            self.acknowledge(client, result)
+            self.acknowledge(client, result, kind)
 
     def _cancelled(self, client: Client, message: Message) -> None:
-        upload = self._upload
+        upload = self._uploads.get(message.mission_type)
         if upload is not None and upload.client == client and message.type != _ACCEPTED:
-            self._upload = None
-            self._finished[client] = upload.count, int(mavlink.MAV_MISSION_OPERATION_CANCELLED)
+            del self._uploads[upload.store.kind]
+            self._finished[client, upload.store.kind] = upload.count, _CANCELLED
 
     def _refuse_partial(self, client: Client, message: Message) -> None:
         self.acknowledge(client, mavlink.MAV_MISSION_UNSUPPORTED, message.mission_type)
@@ -175,6 +207,9 @@ class MissionServer:
         if place is None:
             return int(mavlink.MAV_MISSION_INVALID)
         return _ACCEPTED if self._context.autopilot.goto(place) is None else int(mavlink.MAV_MISSION_ERROR)
+
+    def _is_planner(self, client: Client) -> bool:
+        return client.system == self._context.endpoint.system and client.component in _PLANNERS
 
     def _say(self, text: str) -> None:
         for message in status_texts(mavlink.MAV_SEVERITY_WARNING, text, 2):

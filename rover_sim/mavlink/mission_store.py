@@ -1,10 +1,13 @@
-"""The vehicle's stored mission: the items as received, and the same ones for the autopilot; replaced whole or not."""
+"""The stored mission: the items as received, and the same ones for the autopilot; replaced whole or not."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 from rover_sim.autopilot.mission import Item, Mission
 from rover_sim.mavlink.context import Context
 from rover_sim.mavlink.dialect import mavlink
+from rover_sim.mavlink.plan_ids import plan_id
 from rover_sim.mavlink.wire import WAYPOINT, WireItem, typed_item
 
 CAPACITY = 2000
@@ -13,22 +16,26 @@ CAPACITY = 2000
 class MissionStore:
     """Items keep the numbers that their sender gave them, home included if the sender put it first."""
 
+    kind = int(mavlink.MAV_MISSION_TYPE_MISSION)
+    name = "Mission"
+    capacity = CAPACITY
+
     def __init__(self, context: Context) -> None:
         self._context = context
         self.items: tuple[WireItem, ...] = ()
+        self.opaque_id = 0
 
-    def check(self, item: WireItem, seq: int) -> Item:
-        """The autopilot's item; raises RefusedItemError."""
-        may_be_home = seq == 0 and self._context.persona.home_first
-        return typed_item(item, self._context.frame, self._context.autopilot.home_w, may_be_home=may_be_home)
+    def check_item(self, item: WireItem, seq: int) -> None:
+        """An item that the autopilot can carry out."""
+        self._typed(item, seq)
 
-    def replace(self, items: list[WireItem]) -> None:
+    def replace(self, items: Sequence[WireItem]) -> None:
         """Store checked items and hand them to the autopilot; the item marked as current is where it begins."""
         if len(items) == 1 and items[0].is_blank:
             items = []
-        typed = tuple(self.check(item, seq) for seq, item in enumerate(items))
+        typed = tuple(self._typed(item, seq) for seq, item in enumerate(items))
         marked = next((seq for seq, item in enumerate(items) if item.current == 1), None)
-        self.items = tuple(items)
+        self.items, self.opaque_id = tuple(items), plan_id(items)
         self._context.autopilot.set_mission(Mission(typed), marked)
 
     @property
@@ -41,6 +48,10 @@ class MissionStore:
         """The mission with a home at its head, as both mission file formats want it."""
         has_home = bool(self.items) and self._context.persona.home_first and self.items[0].is_home
         return [*self.items] if has_home else [self._home(), *self.items]
+
+    def _typed(self, item: WireItem, seq: int) -> Item:
+        may_be_home = seq == 0 and self._context.persona.home_first
+        return typed_item(item, self._context.frame, self._context.autopilot.home_w, may_be_home=may_be_home)
 
     def _home(self) -> WireItem:
         place = self._context.frame.to_geo(self._context.autopilot.home_w)

@@ -14,6 +14,7 @@ _ARDUPILOT_NAMES: Mapping[Mode, str] = {
     Mode.HOLD: "Hold",
     Mode.AUTO: "Auto",
     Mode.RETURN: "RTL",
+    Mode.SMART_RETURN: "Smart RTL",
     Mode.GUIDED: "Guided",
 }
 _PX4_NAMES = {**_ARDUPILOT_NAMES, Mode.AUTO: "Mission", Mode.RETURN: "Return", Mode.GUIDED: "Offboard"}

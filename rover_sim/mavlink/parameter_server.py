@@ -65,12 +65,7 @@ class ParameterServer:
             self._context.endpoint.reply(client, self._value(name))  # for clients that know no PARAM_ERROR
 
     def _value(self, name: str) -> Message:
-        parameter = self._table.describe(name)
-        kind = mavlink.MAV_PARAM_TYPE_INT32 if parameter.integer else mavlink.MAV_PARAM_TYPE_REAL32
-        names, value = self._table.names, self._table[name]
-        if parameter.integer and self._context.persona.bytewise:
-            (value,) = struct.unpack("<f", struct.pack("<i", int(value)))
-        return mavlink.MAVLink_param_value_message(name.encode(), value, kind, len(names), names.index(name))
+        return parameter_value(self._context, name)
 
     def _hash(self) -> Message:
         """PX4's checksum of all names and values, by which a ground station knows that it has them already."""
@@ -99,3 +94,13 @@ class ParameterServer:
         self._context.endpoint.reply(
             client, mavlink.MAVLink_param_error_message(client.system, client.component, text, index, error)
         )
+
+
+def parameter_value(context: Context, name: str) -> Message:
+    """PARAM_VALUE of a parameter that there is."""
+    table = context.autopilot.parameters
+    integer, names, value = table.describe(name).integer, table.names, table[name]
+    if integer and context.persona.bytewise:
+        (value,) = struct.unpack("<f", struct.pack("<i", int(value)))
+    kind = mavlink.MAV_PARAM_TYPE_INT32 if integer else mavlink.MAV_PARAM_TYPE_REAL32
+    return mavlink.MAVLink_param_value_message(name.encode(), value, kind, len(names), names.index(name))

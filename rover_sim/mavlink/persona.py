@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from rover_sim.autopilot.autopilot import Autopilot
 from rover_sim.autopilot.modes import Mode
 from rover_sim.autopilot.parameters import Parameter
+from rover_sim.autopilot.safety_parameters import ARDUPILOT_SAFETY, PX4_SAFETY
 from rover_sim.mavlink.dialect import mavlink
 from rover_sim.mavlink.persona_parameters import ARDUPILOT_PARAMETERS, GENERIC_PARAMETERS, PX4_PARAMETERS
 
@@ -23,6 +24,8 @@ _COMMON = (
     | mavlink.MAV_PROTOCOL_CAPABILITY_SET_POSITION_TARGET_GLOBAL_INT
     | mavlink.MAV_PROTOCOL_CAPABILITY_MAVLINK2
     | mavlink.MAV_PROTOCOL_CAPABILITY_FTP
+    | mavlink.MAV_PROTOCOL_CAPABILITY_MISSION_FENCE
+    | mavlink.MAV_PROTOCOL_CAPABILITY_MISSION_RALLY
 )
 
 
@@ -62,11 +65,17 @@ class Persona:
     parameters: tuple[Parameter, ...]  # that its ground stations expect beside those of the rover
     steering: SteeringRules
     tells_landed: bool  # whether "flying" is told by EXTENDED_SYS_STATE alone
+    replaced: tuple[Parameter, ...] = ()  # of the rover's own, because this autopilot calls them differently
     imitates: tuple[int, int, int] | None = None  # the version that is claimed; None: that of rover-sim
 
     def custom_mode(self, autopilot: Autopilot) -> int:
-        """custom_mode of the heartbeat. PX4 drives to a place in Hold, and follows set points in Offboard."""
+        """custom_mode of the heartbeat. PX4 drives to a place in Hold, and follows set points in Offboard.
+
+        A way back on the rover's own track is a return where there is no number for it.
+        """
         mode = autopilot.mode
+        if mode is Mode.SMART_RETURN and mode not in self.numbers:
+            mode = Mode.RETURN
         if self.px4_modes and mode is Mode.GUIDED and autopilot.has_guided_task:
             mode = Mode.HOLD
         return self.numbers[mode]
@@ -129,7 +138,8 @@ PX4 = Persona(
     px4_modes=True,
     home_first=False,
     bytewise=True,
-    parameters=PX4_PARAMETERS,
+    parameters=(*PX4_PARAMETERS, *PX4_SAFETY),
+    replaced=ARDUPILOT_SAFETY,
     steering=SteeringRules(
         neutral_thrust=500,
         least_thrust=0,

@@ -6,6 +6,7 @@ from rover_sim.autopilot.mission import Home
 from rover_sim.autopilot.modes import MissionState, Mode
 from rover_sim.mavlink.context import Context
 from rover_sim.mavlink.dialect import Message, mavlink
+from rover_sim.mavlink.dialect import mission_current as mission_current_message
 from rover_sim.mavlink.tlog import SIMULATED_EPOCH_S
 
 _TEXT_BYTES = 50  # of one STATUSTEXT
@@ -28,8 +29,12 @@ def sys_status(context: Context) -> Message:
         healthy &= ~mavlink.MAV_SYS_STATUS_PREARM_CHECK
     if context.estimate is None:
         healthy &= ~mavlink.MAV_SYS_STATUS_AHRS
-    # The fence bit is always present and healthy: MAVProxy reports a breach otherwise.
+    # The fence bit is always present, and healthy unless breached: MAVProxy reports a breach otherwise.
     present = enabled | mavlink.MAV_SYS_STATUS_GEOFENCE
+    if context.autopilot.fence.on:
+        enabled = present
+        if context.autopilot.fence.breached:
+            healthy &= ~mavlink.MAV_SYS_STATUS_GEOFENCE
     return mavlink.MAVLink_sys_status_message(present, enabled, healthy, 0, 65535, -1, -1, 0, 0, 0, 0, 0, 0)
 
 
@@ -61,7 +66,18 @@ def mission_current(context: Context) -> Message:
     if runner.state is MissionState.NO_MISSION:
         total = 65535  # the message's own word for "no mission"
     in_auto = 1 if context.autopilot.mode is Mode.AUTO else 2
-    return mavlink.MAVLink_mission_current_message(runner.current, total, int(runner.state), in_auto)
+    mission, fence, rally = (plan.opaque_id for plan in context.plans)
+    return mission_current_message(runner.current, total, int(runner.state), in_auto, (mission, fence, rally))
+
+
+def fence_status(context: Context) -> Message | None:
+    """FENCE_STATUS; None where no fence counts."""
+    guard = context.autopilot.fence
+    if not guard.on:
+        return None
+    kind = mavlink.FENCE_BREACH_BOUNDARY if guard.breaches else mavlink.FENCE_BREACH_NONE
+    count, at_ms = min(guard.breaches, 65535), int(guard.breach_s * 1e3) & 0xFFFFFFFF
+    return mavlink.MAVLink_fence_status_message(int(guard.breached), count, kind, at_ms, mavlink.FENCE_MITIGATE_NONE)
 
 
 def slip(context: Context) -> Message:

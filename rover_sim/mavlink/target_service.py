@@ -123,6 +123,9 @@ class TargetService:
         if target is None:
             self._complain(client, f"mask {message.type_mask}, place or motion")
             return
+        if isinstance(target, DriveToward) and not context.autopilot.allows(target.position_w):
+            self._complain(client, "a place outside of the fence")
+            return
         lasts_s = context.autopilot.parameters[rules.target_time]
         if isinstance(target, DriveToward) and not rules.places_expire:
             lasts_s = math.inf

@@ -23,6 +23,7 @@ BUILDERS: Mapping[int, Builder] = {
     mavlink.MAVLINK_MSG_ID_BATTERY_STATUS: status.battery_status,
     mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: status.extended_sys_state,
     mavlink.MAVLINK_MSG_ID_MISSION_CURRENT: status.mission_current,
+    mavlink.MAVLINK_MSG_ID_FENCE_STATUS: status.fence_status,
     mavlink.MAVLINK_MSG_ID_NAMED_VALUE_FLOAT: status.slip,
     mavlink.MAVLINK_MSG_ID_SYSTEM_TIME: status.system_time,
     mavlink.MAVLINK_MSG_ID_ATTITUDE: attitude.attitude,
@@ -40,6 +41,7 @@ _GROUPS: Mapping[int, tuple[int, ...]] = {
         mavlink.MAVLINK_MSG_ID_SYS_STATUS,
         mavlink.MAVLINK_MSG_ID_MISSION_CURRENT,
         mavlink.MAVLINK_MSG_ID_GPS_RAW_INT,
+        mavlink.MAVLINK_MSG_ID_FENCE_STATUS,
     ),
     mavlink.MAV_DATA_STREAM_RC_CHANNELS: (mavlink.MAVLINK_MSG_ID_RC_CHANNELS,),
     mavlink.MAV_DATA_STREAM_POSITION: (mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT,),
@@ -119,7 +121,9 @@ class Telemetry:
                 autopilot.auto.current,
                 autopilot.auto.state,
                 len(autopilot.auto.mission.items),
+                *(plan.opaque_id for plan in self._context.plans),
             ),
+            mavlink.MAVLINK_MSG_ID_FENCE_STATUS: (autopilot.fence.breached, autopilot.fence.breaches),
             mavlink.MAVLINK_MSG_ID_HOME_POSITION: (autopilot.home_w,),
         }
         changed = [message for message, content in shown.items() if self._shown.get(message, content) != content]

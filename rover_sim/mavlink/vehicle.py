@@ -12,10 +12,12 @@ from rover_sim.mavlink.command_server import CommandServer
 from rover_sim.mavlink.context import Context, Handler, Service
 from rover_sim.mavlink.dialect import mavlink
 from rover_sim.mavlink.endpoint import Endpoint, Link
+from rover_sim.mavlink.fence_store import FenceStore, RallyStore
 from rover_sim.mavlink.ftp_files import Files
 from rover_sim.mavlink.ftp_server import FileServer
 from rover_sim.mavlink.geodesy import LocalFrame
 from rover_sim.mavlink.heartbeat import COMPONENT, SYSTEM
+from rover_sim.mavlink.item_store import ItemStore
 from rover_sim.mavlink.mission_reader import MissionReader
 from rover_sim.mavlink.mission_server import MissionServer
 from rover_sim.mavlink.mission_store import MissionStore
@@ -44,17 +46,21 @@ class Vehicle:
     ) -> None:
         """``folder``: whose files may be read over the links."""
         self.endpoint = Endpoint(SYSTEM, COMPONENT, links, log)
+        autopilot.parameters.remove(parameter.name for parameter in persona.replaced)
         autopilot.parameters.extend(persona.parameters)
         self._context = Context(autopilot, persona, frame, self.endpoint)
         self.store = MissionStore(self._context)
+        self.fence, self.rally = FenceStore(self._context), RallyStore(self._context)
+        stores: tuple[ItemStore, ...] = (self.store, self.fence, self.rally)
+        self._context.plans = stores
         telemetry = Telemetry(self._context)
         self._file_server = FileServer(self._context, Files(folder, autopilot.parameters))
-        missions = MissionServer(self._context, self.store)
+        missions = MissionServer(self._context, stores)
         services: tuple[Service, ...] = (
             telemetry,
             CommandServer(self._context, telemetry),
             missions,
-            MissionReader(self._context, self.store, missions),
+            MissionReader(self._context, stores, missions),
             ParameterServer(self._context),
             StickService(self._context),
             TargetService(self._context),

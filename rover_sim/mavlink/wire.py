@@ -46,11 +46,10 @@ class WireItem:
             message.current,
         )
 
-    def message(self, system: int, component: int, seq: int) -> Message:
-        """MISSION_ITEM_INT to a component."""
-        return mavlink.MAVLink_mission_item_int_message(
-            system, component, seq, self.frame, self.command, 0, self.autocontinue, *self.params, self.x, self.y, self.z
-        )
+    def message(self, system: int, component: int, seq: int, kind: int = mavlink.MAV_MISSION_TYPE_MISSION) -> Message:
+        """MISSION_ITEM_INT to a component; ``kind`` is a MAV_MISSION_TYPE."""
+        head = (system, component, seq, self.frame, self.command, 0, self.autocontinue)
+        return mavlink.MAVLink_mission_item_int_message(*head, *self.params, self.x, self.y, self.z, kind)
 
     @property
     def is_home(self) -> bool:
@@ -81,7 +80,7 @@ def typed_item(item: WireItem, frame: LocalFrame, home_w: Vector3, *, may_be_hom
         return Home()
     if item.command in (WAYPOINT, mavlink.MAV_CMD_NAV_LOITER_TIME):
         radius = _given(item.params[1]) if item.command == WAYPOINT else 0.0
-        return DriveTo(_place(item, frame, home_w), _least(_given(item.params[0]), 1), _least(radius, 2))
+        return DriveTo(place_in(item, frame, home_w), _least(_given(item.params[0]), 1), _least(radius, 2))
     make = _PLACELESS.get(item.command)
     if make is None:
         raise RefusedItemError(mavlink.MAV_MISSION_UNSUPPORTED)
@@ -106,7 +105,8 @@ def place_of(x_e7: float, y_e7: float, altitude_m: float, frame: LocalFrame) -> 
     return place if math.hypot(place[0], place[1]) <= FARTHEST_M else None
 
 
-def _place(item: WireItem, frame: LocalFrame, home_w: Vector3) -> Vector3:
+def place_in(item: WireItem, frame: LocalFrame, home_w: Vector3) -> Vector3:
+    """World position of an item; raises RefusedItemError for a frame or a place that cannot be."""
     if item.frame not in (*_ABSOLUTE, *_RELATIVE):
         raise RefusedItemError(mavlink.MAV_MISSION_UNSUPPORTED_FRAME)
     home_altitude = frame.to_geo(home_w).altitude_m
