@@ -80,7 +80,7 @@ class TargetFollower:
             case DriveAlong(heading, speed):
                 return self._along(heading, speed, estimate)
             case DriveToward():
-                return self._runner.step(time_s, estimate, limits, home_w)[0]
+                return self._runner.step(time_s, estimate, limits, lambda: home_w)[0]
         return STOP
 
     def _along(self, heading_rad: float, speed_m_s: float, estimate: PoseEstimate) -> Command:
