@@ -13,7 +13,9 @@ from planner import localization
 from planner.localization import SensorModel
 from rover_sim.autopilot.parameter_file import load_parameters, save_parameters
 from rover_sim.autopilot.tuning import tuned_autopilot
+from rover_sim.eyes import eyes
 from rover_sim.files import write_text
+from rover_sim.mavlink.camera_messages import CameraPort
 from rover_sim.mavlink.faults import Faults
 from rover_sim.mavlink.geodesy import LocalFrame
 from rover_sim.mavlink.mission_file import write_plan, write_waypoints
@@ -22,13 +24,14 @@ from rover_sim.mavlink.persona import Persona
 from rover_sim.mavlink.stack import BadLink, open_links
 from rover_sim.mavlink.vehicle import Vehicle
 from rover_sim.pacing import RealTime
+from rover_sim.photographs import Photographer
 from rover_sim.sim.mobility_events import MobilityLog
 from rover_sim.sim.recorder import TraceRecorder
 from rover_sim.sim.rover import RoverModel
 from rover_sim.sim.rover_urdf import wheel_names
 from rover_sim.sim.simulation import Simulation
 from rover_sim.sim.vehicle_state import trace_columns
-from rover_sim.traverse import CONTROL_STEPS, LINK_STREAM, SENSOR_STREAM, STEPS_PER_S, TRACE_STEPS
+from rover_sim.traverse import CAMERA_STREAM, CONTROL_STEPS, LINK_STREAM, SENSOR_STREAM, STEPS_PER_S, TRACE_STEPS
 from worlds.scenario import dump_scenario
 from worlds.types import World
 
@@ -68,15 +71,21 @@ class LiveRover:
         self._footprint = rover.footprint()
         home = (*scenario.rover.start_m, float(world.start.position_w[2]))
         self.autopilot = tuned_autopilot(self._footprint, home, scenario.gravity_m_s2)
+        eye, model = eyes(scenario, STEPS_PER_S).get("camera"), rover.camera(scenario.camera)
         bad = None if faults is None else BadLink(faults, (world.seed, LINK_STREAM))
         links, log = open_links(urls, tlog, bad=bad)
         folder = None if tlog is None else tlog.parent
-        self.vehicle = Vehicle(self.autopilot, LocalFrame(world.origin), links, log, persona, folder)
+        self._photographer: Photographer | None = None
+        port = None if eye is None or folder is None else CameraPort(model, folder, self._photograph)
+        self.vehicle = Vehicle(self.autopilot, LocalFrame(world.origin), links, log, persona, folder, port)
         try:
             if parameters is not None and parameters.exists():
                 load_parameters(parameters, self.autopilot.parameters)
             self._parameter_file, self._saved = parameters, self.autopilot.parameters.changes
             self._simulation = Simulation(world, rover, np.random.default_rng([world.seed, SENSOR_STREAM]))
+            if eye is not None and port is not None:
+                rng = np.random.default_rng([world.seed, CAMERA_STREAM])
+                self._photographer = Photographer(world, self._simulation, model, eye, rng)
         except BaseException:
             self.vehicle.close()
             raise
@@ -128,6 +137,9 @@ class LiveRover:
         items = self.vehicle.store.for_files
         write_waypoints(folder / "mission.waypoints", items)
         write_plan(folder / "mission.plan", items, self.autopilot.parameters["CRUISE_SPEED"])
+
+    def _photograph(self, path: Path) -> bool:
+        return self._photographer is not None and self._photographer.take(path)
 
     def _keep_parameters(self) -> None:
         changes = self.autopilot.parameters.changes

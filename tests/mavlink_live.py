@@ -12,6 +12,7 @@ from typing import Any
 import pytest
 
 from rover_sim.autopilot.autopilot import Autopilot
+from rover_sim.mavlink.camera_messages import CameraPort
 from rover_sim.mavlink.companion import Companion
 from rover_sim.mavlink.endpoint import Link
 from rover_sim.mavlink.geodesy import GeoPoint, LocalFrame
@@ -40,14 +41,21 @@ def mavsdk_library() -> Any:
 class LiveRover:
     """Rover, autopilot, vehicle and companion, ticked by a thread of its own at wall-clock speed."""
 
-    def __init__(self, url: str, persona: Persona, folder: Path | None = None, bad: BadLink | None = None) -> None:
+    def __init__(
+        self,
+        url: str,
+        persona: Persona,
+        folder: Path | None = None,
+        bad: BadLink | None = None,
+        camera: CameraPort | None = None,
+    ) -> None:
         self.rover = KinematicRover()
         self.autopilot = Autopilot(FOOTPRINT, HOME)
         self.frame = LocalFrame(Origin())
         inner, outer = memory_link()
         stations, _ = open_links([url], bad=bad)
         links = [Link(inner, COMPANION_RATES), *stations]
-        self.vehicle = Vehicle(self.autopilot, self.frame, links, None, persona, folder)
+        self.vehicle = Vehicle(self.autopilot, self.frame, links, None, persona, folder, camera)
         self.companion = Companion(Link(outer, {}))
         self._stop = threading.Event()
         self._lock = threading.Lock()
@@ -88,14 +96,14 @@ class LiveRover:
 
 @contextmanager
 def connected_pair(
-    persona: Persona, folder: Path | None = None, bad: BadLink | None = None
+    persona: Persona, folder: Path | None = None, bad: BadLink | None = None, camera: CameraPort | None = None
 ) -> Iterator[tuple[LiveRover, Any]]:
     """A live rover and the system that MAVSDK has found in it."""
     library = mavsdk_library()
     free = UdpIn(parse_url("udpin:127.0.0.1:0"))
     port = free.port
     free.close()
-    live = LiveRover(f"udpout:127.0.0.1:{port}", persona, folder, bad)
+    live = LiveRover(f"udpout:127.0.0.1:{port}", persona, folder, bad, camera)
     kind = library.ComponentType.GROUND_STATION
     client = library.Mavsdk(library.Configuration.create_with_component_type(kind))
     assert client.add_any_connection(f"udpin://127.0.0.1:{port}") == library.ConnectionResult.SUCCESS

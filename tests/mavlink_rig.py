@@ -8,6 +8,7 @@ import numpy as np
 
 from planner.mobility import body_motion
 from rover_sim.autopilot.autopilot import Autopilot
+from rover_sim.mavlink.camera_messages import CameraPort
 from rover_sim.mavlink.dialect import Message, Packer, Parser
 from rover_sim.mavlink.endpoint import Link
 from rover_sim.mavlink.faults import Faults
@@ -111,14 +112,19 @@ class Yard:
     """A vehicle on its rover, any number of stations, and a clock that only the test moves."""
 
     def __init__(
-        self, *stations: Station, log: Link | None = None, persona: Persona = ARDUPILOT, folder: Path | None = None
+        self,
+        *stations: Station,
+        log: Link | None = None,
+        persona: Persona = ARDUPILOT,
+        folder: Path | None = None,
+        camera: CameraPort | None = None,
     ) -> None:
         self.rover = KinematicRover()
         self.autopilot = Autopilot(FOOTPRINT, (0.0, 0.0, 0.0))
         self.frame = LocalFrame(Origin())
         self.stations = stations
         links = [station.link for station in stations]
-        self.vehicle = Vehicle(self.autopilot, self.frame, links, log, persona, folder)
+        self.vehicle = Vehicle(self.autopilot, self.frame, links, log, persona, folder, camera)
         self.step()
 
     @property

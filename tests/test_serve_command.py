@@ -8,12 +8,14 @@ import subprocess
 import sys
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
 from rover_sim.cli import main
 from rover_sim.live import FILES
 from rover_sim.mavlink.dialect import Packer, Parser, mavlink
+from rover_sim.mavlink.ftp_packet import Opcode, Packet
 from rover_sim.mavlink.tlog import read_tlog
 from rover_sim.pacing import RealTime
 
@@ -47,17 +49,29 @@ def test_it_answers_in_real_time_and_ends_cleanly_by_ctrl_c(tmp_path: Path) -> N
         with subprocess.Popen([*command, "--connect", url], stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
             parser, packer, seen = Parser(), Packer(255, 190), {"nothing"}
             arm = mavlink.MAVLink_command_long_message(1, 1, 400, 0, 1, 0, 0, 0, 0, 0, 0)
-            while "COMMAND_ACK" not in seen:
+            photograph = mavlink.MAVLink_command_long_message(1, 100, 2000, 0, 0, 0, 1, 1, 0, 0, 0)
+            listing = Packet(0, 0, Opcode.LIST_DIRECTORY, b"/pictures").encode()
+            while "FILE_TRANSFER_PROTOCOL" not in seen:
                 data, address = station.recvfrom(4096)
                 for message in parser.datagram(data):
                     if message.get_type() == "HEARTBEAT" and len(seen) == 1:
                         assert message.autopilot == mavlink.MAV_AUTOPILOT_PX4
                         station.sendto(packer.pack(arm), address)
+                        station.sendto(packer.pack(photograph), address)
+                    if message.get_type() == "CAMERA_IMAGE_CAPTURED":
+                        ask = mavlink.MAVLink_file_transfer_protocol_message(0, 1, 1, listing)
+                        station.sendto(packer.pack(ask), address)
+                    if message.get_type() == "FILE_TRANSFER_PROTOCOL":
+                        assert Packet.decode(bytes(message.payload)).data.startswith(b"Fpicture-00001.png\t")
                     seen.add(message.get_type())
             process.send_signal(signal.SIGINT)
             _, errors = process.communicate(timeout=30)
         assert process.returncode == 0, errors
-    assert {path.name for path in out.iterdir()} == set(FILES)
+    assert {path.name for path in out.iterdir()} == {*FILES, "pictures"}
+    picture = cv2.imread(str(out / "pictures" / "picture-00001.png"))
+    assert picture is not None
+    assert picture.shape == (240, 320, 3)
+    assert picture.std() > 5.0  # ground and sky
     assert any(frame[7:10] == b"\0\0\0" for _, frame in read_tlog(out / "telemetry.tlog"))  # a heartbeat
     trace = np.load(out / "trace.npz")
     assert len(trace["time_s"]) == len(trace["armed"]) > 0

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from rover_sim.mavlink.dialect import MAVLINK_2, Message, Packer, Parser, mavlink
+from rover_sim.mavlink.dialect import MAVLINK_1, MAVLINK_2, Message, Packer, Parser, mavlink
 from rover_sim.mavlink.streams import Streams
 from rover_sim.mavlink.tlog import TlogWriter
 from rover_sim.mavlink.transport import Transport
@@ -35,18 +35,25 @@ class Channel:
 
     link: Link
     peer: str
-    packer: Packer
+    system: int
     parser: Parser
     streams: Streams
-    simulator: Packer
     heard_version: int | None = None  # first byte of its frames
+    _packers: dict[int, Packer] = field(default_factory=dict)
 
     def note_version(self, message: Message) -> None:
         """Speak MAVLink 1 to a peer that begins so, until it shows that it knows MAVLink 2."""
         version = int(message.get_msgbuf()[0])
         if self.heard_version not in (version, MAVLINK_2):
             self.heard_version = version
-            self.packer.version_1 = self.simulator.version_1 = version != MAVLINK_2
+
+    def frame(self, message: Message, component: int) -> bytes | None:
+        """The message as a component says it to this peer; None if it cannot be said in the peer's MAVLink."""
+        if component not in self._packers:
+            self._packers[component] = Packer(self.system, component)
+        packer = self._packers[component]
+        packer.version_1 = self.heard_version == MAVLINK_1
+        return packer.pack(message) if packer.knows(message) else None
 
 
 class Client(NamedTuple):
@@ -61,11 +68,15 @@ class Client(NamedTuple):
 
 
 class Endpoint:
-    """A component's links. With a log, the log hears all that is said and heard."""
+    """A component's links; more components of the system may use them. A log hears all that is said and heard."""
 
-    def __init__(self, system: int, component: int, links: Iterable[Link], log: Link | None = None) -> None:
+    def __init__(
+        self, system: int, component: int, links: Iterable[Link], log: Link | None = None, others: Iterable[int] = ()
+    ) -> None:
+        """``others``: components beside ``component`` that are spoken to on these links."""
         self.system = system
         self.component = component
+        self._addresses = {0, component, *others}
         self.time_s = 0.0
         self._links = list(links)
         self._channels: dict[tuple[int, str], Channel] = {}
@@ -103,26 +114,26 @@ class Endpoint:
                         heard.append((Client(channel, message.get_srcSystem(), message.get_srcComponent()), message))
         return heard
 
-    def reply(self, client: Client, message: Message) -> None:
-        """Say something to one client."""
-        self._send(client.channel, message)
+    def reply(self, client: Client, message: Message, component: int | None = None) -> None:
+        """Say something to one client, as the component itself or as another."""
+        self._send(client.channel, message, component)
         if self._log is not None and client.channel is not self._log and message.id not in _UNLOGGED:
-            self._send(self._log, message)
+            self._send(self._log, message, component)
 
     def stream(self, channel: Channel, message: Message) -> None:
         """Send to one listener what its schedule asks for."""
         self._send(channel, message)
 
-    def broadcast(self, message: Message) -> None:
-        """Say something to everyone."""
+    def broadcast(self, message: Message, component: int | None = None) -> None:
+        """Say something to everyone, as the component itself or as another."""
         for channel in self.channels:
-            self._send(channel, message)
+            self._send(channel, message, component)
 
     def tell_as_simulator(self, message: Message) -> None:
         """Say something as the simulator, a component of its own, to those who are to hear it."""
         for channel in self.channels:
             if channel.link.hears_simulator:
-                channel.link.transport.send(channel.simulator.pack(message), channel.peer, self.time_s)
+                self._send(channel, message, SIMULATOR)
 
     def close(self) -> None:
         """Close all links and the log."""
@@ -132,8 +143,7 @@ class Endpoint:
             self._log.link.transport.close()
 
     def _channel(self, link: Link, peer: str) -> Channel:
-        packer = Packer(self.system, self.component)
-        return Channel(link, peer, packer, Parser(), Streams(link.rates_hz), Packer(self.system, SIMULATOR))
+        return Channel(link, peer, self.system, Parser(), Streams(link.rates_hz))
 
     def _refresh(self, number: int, link: Link, time_s: float) -> None:
         """Peers come and go."""
@@ -145,9 +155,10 @@ class Endpoint:
         for key in gone:
             del self._channels[key]
 
-    def _send(self, channel: Channel, message: Message) -> None:
-        if channel.packer.knows(message):
-            channel.link.transport.send(channel.packer.pack(message), channel.peer, self.time_s)
+    def _send(self, channel: Channel, message: Message, component: int | None = None) -> None:
+        frame = channel.frame(message, self.component if component is None else component)
+        if frame is not None:
+            channel.link.transport.send(frame, channel.peer, self.time_s)
 
     def _record(self, message: Message, time_s: float) -> None:
         if self._tlog is not None and message.id not in _UNLOGGED:
@@ -157,4 +168,4 @@ class Endpoint:
         """Own number or broadcast; MAVProxy addresses some commands to component 0."""
         system = getattr(message, "target_system", 0)
         component = getattr(message, "target_component", 0)
-        return system in (0, self.system) and (system == 0 or component in (0, self.component))
+        return system in (0, self.system) and (system == 0 or component in self._addresses)

@@ -7,6 +7,8 @@ from pathlib import Path
 
 from rover_sim.autopilot.autopilot import Autopilot
 from rover_sim.autopilot.events import Reached, Text
+from rover_sim.mavlink.camera_messages import CAMERA, CameraPort
+from rover_sim.mavlink.camera_service import CameraService
 from rover_sim.mavlink.clock_service import ClockService
 from rover_sim.mavlink.command_server import CommandServer
 from rover_sim.mavlink.context import Context, Handler, Service
@@ -43,9 +45,11 @@ class Vehicle:
         log: Link | None = None,
         persona: Persona = ARDUPILOT,
         folder: Path | None = None,
+        camera: CameraPort | None = None,
     ) -> None:
-        """``folder``: whose files may be read over the links."""
-        self.endpoint = Endpoint(SYSTEM, COMPONENT, links, log)
+        """``folder``: whose files may be read over the links; ``camera``: speaks as a component of its own."""
+        others = () if camera is None else (CAMERA,)
+        self.endpoint = Endpoint(SYSTEM, COMPONENT, links, log, others)
         autopilot.parameters.remove(parameter.name for parameter in persona.replaced)
         autopilot.parameters.extend(persona.parameters)
         self._context = Context(autopilot, persona, frame, self.endpoint)
@@ -68,6 +72,7 @@ class Vehicle:
             self._file_server,
         )
         self._services = services
+        self._camera = None if camera is None else CameraService(self._context, camera)
         self._handlers: dict[str, Handler] = {
             name: handler for service in services for name, handler in service.handlers.items()
         }
@@ -83,11 +88,15 @@ class Vehicle:
         self._context.time_s = time_s
         for client, message in self.endpoint.poll(time_s):
             handler = self._handlers.get(message.get_type())
-            if handler is not None:
+            if self._camera is not None and self._camera.takes(message):
+                self._camera.handle(client, message)
+            elif handler is not None:
                 handler(client, message)
         self._tell()
         for service in self._services:
             service.tick()
+        if self._camera is not None:
+            self._camera.tick()
 
     def close(self) -> None:
         """Close all links and files."""
