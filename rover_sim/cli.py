@@ -14,6 +14,7 @@ from rover_sim.errors import InputError, LinkError
 COMMANDS = {
     "run": "one closed-loop traverse: perceive, plan, upload missions, drive",
     "serve": "the rover as a live MAVLink vehicle for a ground station",
+    "teleop": "steer a rover by keyboard or gamepad",
     "trials": "many traverses over a grid of conditions, with a report",
     "slope": "slope and traction stress test against published curves",
     "perceive": "the perception pipeline on any picture",

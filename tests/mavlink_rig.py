@@ -80,7 +80,7 @@ class Station:
     def __init__(self, system: int = 255, component: int = 190, faults: Faults | None = None, seed: int = 1) -> None:
         ours, theirs = memory_link(faults, np.random.default_rng(seed))
         self.link = Link(theirs, GROUND_STATION_RATES)
-        self._end = ours
+        self.end = ours
         self._parser = Parser()
         self.packer = Packer(system, component)
         self.system = system
@@ -88,17 +88,17 @@ class Station:
         self.heard: list[Message] = []
 
     def send(self, message: Message, time_s: float) -> None:
-        self._end.send(self.packer.pack(message), "memory", time_s)
+        self.end.send(self.packer.pack(message), "memory", time_s)
 
     def send_bytes(self, data: bytes, time_s: float) -> None:
-        self._end.send(data, "memory", time_s)
+        self.end.send(data, "memory", time_s)
 
     def cut(self) -> None:
         """Nothing passes any more, what was on its way included."""
-        self._end.close()
+        self.end.close()
 
     def listen(self, time_s: float) -> None:
-        for _, data in self._end.receive(time_s):
+        for _, data in self.end.receive(time_s):
             self.heard += self._parser.datagram(data)
 
     def take(self, *names: str) -> list[Message]:
