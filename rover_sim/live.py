@@ -21,6 +21,7 @@ from rover_sim.mavlink.geodesy import LocalFrame
 from rover_sim.mavlink.mission_file import write_plan, write_waypoints
 from rover_sim.mavlink.narrator import Narrator
 from rover_sim.mavlink.persona import Persona
+from rover_sim.mavlink.signing import Signing
 from rover_sim.mavlink.stack import BadLink, open_links
 from rover_sim.mavlink.vehicle import Vehicle
 from rover_sim.pacing import RealTime
@@ -64,6 +65,7 @@ class LiveRover:
         tlog: Path | None = None,
         faults: Faults | None = None,
         parameters: Path | None = None,
+        signing: Signing | None = None,
     ) -> None:
         """``parameters``: file that they are taken from, if it exists, and written to at each change."""
         scenario = world.scenario
@@ -77,7 +79,7 @@ class LiveRover:
         folder = None if tlog is None else tlog.parent
         self._photographer: Photographer | None = None
         port = None if eye is None or folder is None else CameraPort(model, folder, self._photograph)
-        self.vehicle = Vehicle(self.autopilot, LocalFrame(world.origin), links, log, persona, folder, port)
+        self.vehicle = Vehicle(self.autopilot, LocalFrame(world.origin), links, log, persona, folder, port, signing)
         try:
             if parameters is not None and parameters.exists():
                 load_parameters(parameters, self.autopilot.parameters)

@@ -5,6 +5,11 @@ from __future__ import annotations
 import time
 
 
+def unix_time_s() -> float:
+    """Seconds since 1970: message signing goes by it, since both sides must."""
+    return time.time()
+
+
 class WallClock:
     """Seconds since it was made."""
 

@@ -15,6 +15,7 @@ from rover_sim.mavlink.faults import Faults
 from rover_sim.mavlink.geodesy import LocalFrame
 from rover_sim.mavlink.memory import memory_link
 from rover_sim.mavlink.persona import ARDUPILOT, Persona
+from rover_sim.mavlink.signing import Signing
 from rover_sim.mavlink.streams import GROUND_STATION_RATES
 from rover_sim.mavlink.vehicle import Vehicle
 from worlds.geometry import quaternion_from_euler
@@ -118,13 +119,14 @@ class Yard:
         persona: Persona = ARDUPILOT,
         folder: Path | None = None,
         camera: CameraPort | None = None,
+        signing: Signing | None = None,
     ) -> None:
         self.rover = KinematicRover()
         self.autopilot = Autopilot(FOOTPRINT, (0.0, 0.0, 0.0))
         self.frame = LocalFrame(Origin())
         self.stations = stations
         links = [station.link for station in stations]
-        self.vehicle = Vehicle(self.autopilot, self.frame, links, log, persona, folder, camera)
+        self.vehicle = Vehicle(self.autopilot, self.frame, links, log, persona, folder, camera, signing)
         self.step()
 
     @property

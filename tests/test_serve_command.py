@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from rover_sim.cli import main
-from rover_sim.live import FILES
+from rover_sim.live import FILES, LiveRover
 from rover_sim.mavlink.dialect import Packer, Parser, mavlink
 from rover_sim.mavlink.ftp_packet import Opcode, Packet
 from rover_sim.mavlink.tlog import read_tlog
@@ -97,6 +97,36 @@ def test_a_bad_link_is_one_line(
     (line,) = capsys.readouterr().err.strip().splitlines()
     assert says in line
     assert url in line
+
+
+def test_with_a_key_it_signs_and_keeps_the_timestamps(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    key, out = tmp_path / "key", tmp_path / "out"
+    key.write_text("a passphrase\n")
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as station:
+        station.bind(("127.0.0.1", 0))
+        station.settimeout(10.0)
+        forged = Packer(255, 190).pack(mavlink.MAVLink_command_long_message(1, 1, 400, 0, 1, 0, 0, 0, 0, 0, 0))
+
+        def lives_shortly(rover: LiveRover, _stopped: object, _show: object) -> bool:
+            rover.step()
+            data, address = station.recvfrom(4096)
+            assert data[2] == 1  # signed
+            station.sendto(forged, address)
+            for _ in range(20):
+                rover.step()
+            assert not rover.autopilot.armed
+            return True
+
+        monkeypatch.setattr(LiveRover, "run", lives_shortly)
+        url = f"udpout:127.0.0.1:{station.getsockname()[1]}"
+        arguments = ["serve", _scenario(tmp_path), "--connect", url, "--signing-key", str(key)]
+        assert main([*arguments, "--out", str(out)]) == 0
+    assert "frames refused: 1 (" in capsys.readouterr().err
+    assert (tmp_path / "key.timestamps").exists()
+    assert main([*arguments, "--out", str(tmp_path)]) == 2  # the key would lie in the folder that is shown
+    assert "shown over the link" in capsys.readouterr().err
 
 
 def test_a_wrong_persona_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:

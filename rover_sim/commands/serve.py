@@ -13,6 +13,7 @@ from rover_sim.arguments import seed
 
 if TYPE_CHECKING:
     from rover_sim.live import LiveStatus
+    from rover_sim.mavlink.signing import Signing
 
 PERSONAS = ("ardupilot", "px4", "generic")
 # Where QGroundControl and MAVSDK listen when nobody tells them otherwise.
@@ -37,6 +38,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
         )
     parser.add_argument("--params", type=Path, metavar="FILE", help="take parameters from FILE and keep changes there")
     parser.add_argument(
+        "--signing-key", type=Path, metavar="FILE", help="sign, and obey signed frames only; key or passphrase in FILE"
+    )
+    parser.add_argument(
         "--link", metavar="FAULTS", help='make all links bad, e.g. "loss=0.2,delay=0.3" (docs/mavlink.md)'
     )
 
@@ -47,6 +51,8 @@ def execute(args: argparse.Namespace) -> int:
     from rover_sim.files import output_folder
     from rover_sim.mavlink.faults import parse_faults
     from rover_sim.mavlink.persona import PERSONAS as TABLE
+    from rover_sim.mavlink.signing import open_signing
+    from rover_sim.pacing import unix_time_s
     from rover_sim.sim.rover import load_rover
     from rover_sim.stop_flag import stop_flag
     from worlds.build import build_world
@@ -57,6 +63,7 @@ def execute(args: argparse.Namespace) -> int:
     folder = args.out or Path("runs") / f"serve-{scenario.name}-{args.seed}"
     urls = _urls(args.connect, args.listen)
     faults = None if args.link is None else parse_faults(args.link)
+    signing = open_signing(args.signing_key, unix_time_s, folder)
     with stop_flag() as stopped, _display() as show:
         world = build_world(scenario, args.seed, source=args.scenario)
         for note in world.notes:
@@ -65,15 +72,23 @@ def execute(args: argparse.Namespace) -> int:
         for name in live.FILES:
             (folder / name).unlink(missing_ok=True)
         with live.LiveRover(
-            world, rover, TABLE[args.persona], urls, folder / live.TLOG, faults, args.params
+            world, rover, TABLE[args.persona], urls, folder / live.TLOG, faults, args.params, signing
         ) as vehicle:
             print(f"rover-sim serve: {args.persona} rover on {', '.join(urls)}; Ctrl-C ends", file=sys.stderr)  # noqa: T201
             inside = vehicle.run(stopped, show)
             vehicle.save(folder)
+        signing.close()
     print(f"{folder}: {', '.join(live.FILES)}")  # noqa: T201 - what the command leaves
+    for note in _signing_notes(signing):
+        print(f"rover-sim serve: {note}", file=sys.stderr)  # noqa: T201 - what a user must know of strangers
     if not inside:
         print("rover-sim serve: the rover left the map", file=sys.stderr)  # noqa: T201 - why it ended
     return 0 if inside else 1
+
+
+def _signing_notes(signing: Signing) -> list[str]:
+    refused = f"frames refused: {signing.refused} (unsigned, badly signed, old or from the future)"
+    return [*([refused] if signing.refused else []), *([signing.trouble] if signing.trouble else [])]
 
 
 def _urls(connect: list[str], listen: list[str]) -> tuple[str, ...]:

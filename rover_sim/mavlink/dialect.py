@@ -8,7 +8,7 @@ nothing outside it.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Protocol
 
 from pymavlink.dialects.v20 import development as mavlink
 
@@ -17,13 +17,17 @@ from rover_sim.mavlink.extensions import mission_ack, mission_count, mission_cur
 __all__ = [
     "MAVLINK_1",
     "MAVLINK_2",
+    "SIGNATURE_BYTES",
+    "SIGNED_FLAG",
     "Message",
     "Packer",
     "Parser",
+    "Signer",
     "mavlink",
     "mission_ack",
     "mission_count",
     "mission_current",
+    "unsigned",
 ]
 
 Message = Any  # pymavlink's generated classes carry no types
@@ -31,15 +35,34 @@ Message = Any  # pymavlink's generated classes carry no types
 MAVLINK_1, MAVLINK_2 = 0xFE, 0xFD  # first byte of a frame
 _HEADER = {MAVLINK_1: 6, MAVLINK_2: 10}  # bytes of the MAVLink 1 and 2 header
 _CHECKSUM = 2
-_SIGNATURE = 13
-_SIGNED = 0x01  # the only incompatibility flag that we understand
+SIGNATURE_BYTES = 13
+SIGNED_FLAG = 0x01  # the only incompatibility flag that we understand
+
+
+class Signer(Protocol):
+    """What a packer needs to sign, and a parser to believe."""
+
+    key: bytes | None
+
+    def stamp(self) -> int:
+        """The timestamp of the next frame."""
+        ...
+
+    def believes(self, frame: bytes, message: Message) -> bool:
+        """Whether a valid frame is to be obeyed."""
+        ...
 
 
 class Packer:
-    """Packs the messages of one component for one channel; the sequence number is counted here."""
+    """Packs the messages of one component for one channel; the sequence number is counted here.
 
-    def __init__(self, system: int, component: int) -> None:
+    With a signer that has a key, frames of MAVLink 2 are signed as those of a link number.
+    """
+
+    def __init__(self, system: int, component: int, signer: Signer | None = None, link: int = 0) -> None:
+        self._signer = signer
         self._mav = mavlink.MAVLink(None, srcSystem=system, srcComponent=component)
+        self._mav.signing.link_id = link
         self.version_1 = False  # for a peer that speaks MAVLink 1 only
 
     def knows(self, message: Message) -> bool:
@@ -48,6 +71,10 @@ class Packer:
 
     def pack(self, message: Message) -> bytes:
         """The frame of a message; a message object may be packed any number of times."""
+        signing, signer = self._mav.signing, self._signer
+        signing.sign_outgoing = signer is not None and signer.key is not None and not self.version_1
+        if signing.sign_outgoing and signer is not None:
+            signing.secret_key, signing.timestamp = signer.key, signer.stamp()
         frame: bytes = message.pack(self._mav, force_mavlink1=self.version_1)
         self._mav.seq = (self._mav.seq + 1) % 256
         return frame
@@ -57,10 +84,11 @@ class Parser:
     """Cuts one peer's bytes into frames and decodes them; what is no valid frame is skipped byte by byte.
 
     Frames are cut here and not by pymavlink's ``parse_buffer``, which throws away everything that a garbage byte
-    claims as its frame, good frames included. Frames of unknown messages are dropped.
+    claims as its frame, good frames included. Frames of unknown messages are dropped, and those that a signer refuses.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, signer: Signer | None = None) -> None:
+        self._signer = signer
         self._mav = mavlink.MAVLink(None)
         self._rest = b""
 
@@ -85,9 +113,11 @@ class Parser:
             length = _frame_length(data, at)
             if length is None:
                 return messages, data[at:]
-            message = self._decode(data[at : at + length]) if length else None
+            frame = data[at : at + length]
+            message = self._decode(frame) if length else None
             at += length if message is not None else 1
-            if message is not None and not isinstance(message, mavlink.MAVLink_unknown):
+            known = message is not None and not isinstance(message, mavlink.MAVLink_unknown)
+            if known and (self._signer is None or self._signer.believes(frame, message)):
                 messages.append(message)
         return messages, b""
 
@@ -96,6 +126,18 @@ class Parser:
             return self._mav.decode(bytearray(frame))
         except mavlink.MAVError:
             return None
+
+
+def unsigned(message: Message) -> bytes:
+    """The frame of a received message without its signature, which is no one else's business."""
+    frame = bytearray(message.get_msgbuf())
+    if frame[0] != MAVLINK_2 or not frame[2] & SIGNED_FLAG:
+        return bytes(frame)
+    frame[2] &= ~SIGNED_FLAG
+    body = bytes(frame[: -SIGNATURE_BYTES - _CHECKSUM])
+    checksum = mavlink.x25crc(body[1:])
+    checksum.accumulate(bytes([message.crc_extra]))
+    return body + int(checksum.crc).to_bytes(_CHECKSUM, "little")
 
 
 def _frame_length(data: bytes, at: int) -> int | None:
@@ -107,7 +149,7 @@ def _frame_length(data: bytes, at: int) -> int | None:
         return None
     length = header + data[at + 1] + _CHECKSUM
     if header == _HEADER[MAVLINK_2]:
-        if data[at + 2] & ~_SIGNED:
+        if data[at + 2] & ~SIGNED_FLAG:
             return 0
-        length += _SIGNATURE if data[at + 2] & _SIGNED else 0
+        length += SIGNATURE_BYTES if data[at + 2] & SIGNED_FLAG else 0
     return length if len(data) >= at + length else None

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import ipaddress
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from rover_sim.mavlink.dialect import MAVLINK_1, MAVLINK_2, Message, Packer, Parser, mavlink
+from rover_sim.mavlink.dialect import MAVLINK_1, MAVLINK_2, Message, Packer, Parser, Signer, mavlink, unsigned
 from rover_sim.mavlink.streams import Streams
 from rover_sim.mavlink.tlog import TlogWriter
 from rover_sim.mavlink.transport import Transport
@@ -23,6 +24,7 @@ class Link:
     transport: Transport
     rates_hz: Mapping[int, float]
     hears_simulator: bool = False  # also what no vehicle could know; never a planner's link
+    is_cable: bool = False  # nobody else can listen
 
 
 @dataclass(eq=False)
@@ -38,6 +40,8 @@ class Channel:
     system: int
     parser: Parser
     streams: Streams
+    signer: Signer | None = None
+    number: int = 0  # of the link, as signatures tell it
     heard_version: int | None = None  # first byte of its frames
     _packers: dict[int, Packer] = field(default_factory=dict)
 
@@ -47,10 +51,20 @@ class Channel:
         if self.heard_version not in (version, MAVLINK_2):
             self.heard_version = version
 
+    @property
+    def is_private(self) -> bool:
+        """Whether a secret may pass: a cable, or a peer on this machine."""
+        if self.link.is_cable:
+            return True
+        try:
+            return ipaddress.ip_address(self.peer.rpartition(":")[0]).is_loopback
+        except ValueError:  # no address
+            return False
+
     def frame(self, message: Message, component: int) -> bytes | None:
         """The message as a component says it to this peer; None if it cannot be said in the peer's MAVLink."""
         if component not in self._packers:
-            self._packers[component] = Packer(self.system, component)
+            self._packers[component] = Packer(self.system, component, self.signer, self.number)
         packer = self._packers[component]
         packer.version_1 = self.heard_version == MAVLINK_1
         return packer.pack(message) if packer.knows(message) else None
@@ -71,16 +85,24 @@ class Endpoint:
     """A component's links; more components of the system may use them. A log hears all that is said and heard."""
 
     def __init__(
-        self, system: int, component: int, links: Iterable[Link], log: Link | None = None, others: Iterable[int] = ()
+        self,
+        system: int,
+        component: int,
+        links: Iterable[Link],
+        log: Link | None = None,
+        others: Iterable[int] = (),
+        signer: Signer | None = None,
     ) -> None:
-        """``others``: components beside ``component`` that are spoken to on these links."""
+        """``others``: components beside ``component`` that use these links; ``signer``: for all frames."""
         self.system = system
         self.component = component
         self._addresses = {0, component, *others}
         self.time_s = 0.0
         self._links = list(links)
         self._channels: dict[tuple[int, str], Channel] = {}
-        self._log = None if log is None else self._channel(log, "tlog")
+        self._signer = signer
+        self._channel_count = 0
+        self._log = None if log is None else Channel(log, "tlog", system, Parser(), Streams(log.rates_hz))
         self._tlog = log.transport if log is not None and isinstance(log.transport, TlogWriter) else None
         for number, link in enumerate(self._links):
             self._refresh(number, link, self.time_s)
@@ -143,7 +165,10 @@ class Endpoint:
             self._log.link.transport.close()
 
     def _channel(self, link: Link, peer: str) -> Channel:
-        return Channel(link, peer, self.system, Parser(), Streams(link.rates_hz))
+        self._channel_count += 1
+        number = self._channel_count & 0xFF
+        signer = self._signer
+        return Channel(link, peer, self.system, Parser(signer), Streams(link.rates_hz), signer, number)
 
     def _refresh(self, number: int, link: Link, time_s: float) -> None:
         """Peers come and go."""
@@ -162,7 +187,7 @@ class Endpoint:
 
     def _record(self, message: Message, time_s: float) -> None:
         if self._tlog is not None and message.id not in _UNLOGGED:
-            self._tlog.record(bytes(message.get_msgbuf()), time_s)
+            self._tlog.record(unsigned(message), time_s)
 
     def _is_for_us(self, message: Message) -> bool:
         """Own number or broadcast; MAVProxy addresses some commands to component 0."""

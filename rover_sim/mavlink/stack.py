@@ -19,7 +19,7 @@ from rover_sim.mavlink.memory import memory_link
 from rover_sim.mavlink.narrator import Narrator
 from rover_sim.mavlink.streams import COMPANION_RATES, GROUND_STATION_RATES
 from rover_sim.mavlink.tlog import SIMULATED_EPOCH_S, TlogWriter
-from rover_sim.mavlink.transport import open_link
+from rover_sim.mavlink.transport import open_link, parse_url
 from rover_sim.mavlink.vehicle import Vehicle
 from worlds.scenario import Origin
 from worlds.types import PoseEstimate, SensorReadings
@@ -47,11 +47,11 @@ def open_links(
     links = []
     with ExitStack() as undo:
         for number, url in enumerate(urls, start=1):
-            transport = open_link(url)
+            transport, is_cable = open_link(url), parse_url(url).kind == "serial"
             undo.callback(transport.close)
             if bad is not None:
                 transport = FaultyLink(transport, bad.faults, bad.rng(number))
-            links.append(Link(transport, GROUND_STATION_RATES, hears_simulator=True))
+            links.append(Link(transport, GROUND_STATION_RATES, hears_simulator=True, is_cable=is_cable))
         writer = None if tlog is None else TlogWriter(tlog, epoch_s)
         undo.pop_all()  # all are open: from here on the vehicle's `close` is responsible
     return links, None if writer is None else Link(writer, GROUND_STATION_RATES, hears_simulator=True)

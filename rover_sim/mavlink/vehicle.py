@@ -25,6 +25,8 @@ from rover_sim.mavlink.mission_server import MissionServer
 from rover_sim.mavlink.mission_store import MissionStore
 from rover_sim.mavlink.parameter_server import ParameterServer
 from rover_sim.mavlink.persona import ARDUPILOT, Persona
+from rover_sim.mavlink.signing import Signing
+from rover_sim.mavlink.signing_service import SigningService
 from rover_sim.mavlink.status import status_texts
 from rover_sim.mavlink.stick_service import StickService
 from rover_sim.mavlink.target_service import TargetService
@@ -46,10 +48,14 @@ class Vehicle:
         persona: Persona = ARDUPILOT,
         folder: Path | None = None,
         camera: CameraPort | None = None,
+        signing: Signing | None = None,
     ) -> None:
-        """``folder``: whose files may be read over the links; ``camera``: speaks as a component of its own."""
+        """``folder``: whose files may be read over the links; ``camera``: speaks as a component of its own.
+
+        ``signing``: of all links; without it none can be set up either.
+        """
         others = () if camera is None else (CAMERA,)
-        self.endpoint = Endpoint(SYSTEM, COMPONENT, links, log, others)
+        self.endpoint = Endpoint(SYSTEM, COMPONENT, links, log, others, signing)
         autopilot.parameters.remove(parameter.name for parameter in persona.replaced)
         autopilot.parameters.extend(persona.parameters)
         self._context = Context(autopilot, persona, frame, self.endpoint)
@@ -70,6 +76,7 @@ class Vehicle:
             TargetService(self._context),
             ClockService(self._context),
             self._file_server,
+            *(() if signing is None else (SigningService(self._context, signing),)),
         )
         self._services = services
         self._camera = None if camera is None else CameraService(self._context, camera)
