@@ -19,6 +19,7 @@ from perception.class_definition import window_stages
 from perception.components import components
 from perception.evidence import Planes, SingleArray, chance_of
 from perception.knowledge_base import ClastKnowledge
+from perception.soil_reference import percentile
 from worlds.types import BoolArray, ByteArray, FloatArray
 
 AROUND_PX, LIGHT_AROUND_PX = 7, 13
@@ -30,9 +31,8 @@ _LOGARITHMS = np.log(np.arange(256) + 1.0).astype(np.float32)
 def redness(picture: ByteArray, hidden: BoolArray) -> SingleArray:
     """Logarithm of red over blue (H, W) of a picture, grey (H, W) or RGB (H, W, 3), minus its median where seen."""
     colour = picture if picture.ndim == 3 else np.repeat(picture[..., None], 3, axis=2)
-    red = _logarithm_of_ratio(colour)
-    seen = red[::4, ::4][~hidden[::4, ::4]]
-    return red - np.float32(np.median(seen) if seen.size else 0.0)
+    seen = _logarithm_of_ratio(colour[::4, ::4], 0.0)[~hidden[::4, ::4]]
+    return _logarithm_of_ratio(colour, percentile(seen, 50.0) if seen.size else 0.0)
 
 
 def clast_chance(
@@ -98,10 +98,11 @@ def _mean(plane: SingleArray, size_px: int) -> SingleArray:
 
 
 @njit(cache=True, nogil=True)
-def _logarithm_of_ratio(picture: ByteArray) -> SingleArray:
-    """Logarithm of red over blue (H, W)."""
+def _logarithm_of_ratio(picture: ByteArray, usual: float) -> SingleArray:
+    """Logarithm of red over blue (H, W), minus the ``usual`` one."""
+    less = np.float32(usual)
     ratio = np.empty(picture.shape[:2], dtype=np.float32)
     for y in range(picture.shape[0]):
         for x in range(picture.shape[1]):
-            ratio[y, x] = _LOGARITHMS[picture[y, x, 0]] - _LOGARITHMS[picture[y, x, 2]]
+            ratio[y, x] = _LOGARITHMS[picture[y, x, 0]] - _LOGARITHMS[picture[y, x, 2]] - less
     return ratio

@@ -10,7 +10,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from perception.knowledge_base import Cue
-from worlds.types import BoolArray
+from worlds.types import BoolArray, IntArray
 
 SingleArray = NDArray[np.float32]
 Planes = dict[str, SingleArray]
@@ -30,10 +30,15 @@ def chance_of(
     named = tuple(named)
     shape = planes[named[0][0]].shape if named else next(iter(planes.values())).shape
     chance = np.zeros(shape, dtype=np.float32) if otherwise is None else otherwise.copy()
-    tables = np.stack([evidence_table(cue.value, cue.evidence) for _, cue in named])
     left_out = np.zeros(shape, dtype=bool) if skipped is None else skipped
-    _add_up(tuple(planes[name] for name, _ in named), tables, bias, left_out, chance)
+    _add_up(tuple(planes[name] for name, _ in named), _tables(named), bias, left_out, chance)
     return chance
+
+
+@lru_cache(maxsize=32)
+def _tables(named: tuple[tuple[str, Cue], ...]) -> SingleArray:
+    """Tables (cues, 2 + samples) of all cues."""
+    return np.stack([evidence_table(cue.value, cue.evidence) for _, cue in named])
 
 
 @lru_cache(maxsize=128)
@@ -51,27 +56,35 @@ def _add_up(
     planes: tuple[SingleArray, ...], tables: SingleArray, bias: float, skipped: BoolArray, out: SingleArray
 ) -> None:
     """Write the logistic curve of all evidence into ``out`` (H, W) where not ``skipped``."""
-    columns = np.empty(out.shape[1], dtype=np.int32)  # of a row's pixels that are not skipped
-    total = np.empty(out.shape[1], dtype=np.float32)
-    zero, half, last = np.float32(0.0), np.float32(0.5), np.float32(_STEPS)
+    width = out.shape[1]
+    columns = np.empty(width, dtype=np.uint32)  # of a row's pixels that are not skipped
+    total, values = np.empty(width, dtype=np.float32), np.empty(width, dtype=np.float32)
+    places = np.empty(width, dtype=np.int32)
     reach, per = np.float32(_REACH), np.float32(_STEPS / (2 * _REACH))
     for y in range(out.shape[0]):
         number = 0
-        for x in range(out.shape[1]):
+        for x in range(width):
             columns[number] = x
             number += not skipped[y, x]
         total[:number] = bias
         for cue in range(len(planes)):
             row, table = planes[cue][y], tables[cue]
-            first, step = table[0], table[1]
-            if number == out.shape[1]:  # a whole row needs no list of its pixels
-                for i in range(number):
-                    place = min(max((row[i] - first) * step, zero), last)
-                    total[i] += table[2 + np.int32(place + half)]
+            if number == width:  # a whole row needs no list of its pixels
+                _samples(row, table[0], table[1], places)
             else:
                 for i in range(number):
-                    place = min(max((row[columns[i]] - first) * step, zero), last)
-                    total[i] += table[2 + np.int32(place + half)]
+                    values[i] = row[columns[i]]
+                _samples(values[:number], table[0], table[1], places)
+            for i in range(number):
+                total[i] += table[np.uint32(places[i]) + np.uint32(2)]
+        _samples(total[:number], -reach, per, places)
         for i in range(number):
-            place = min(max((total[i] + reach) * per, zero), last)
-            out[y, columns[i]] = _LOGISTIC[np.int32(place + half)]
+            out[y, columns[i]] = _LOGISTIC[np.uint32(places[i])]
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def _samples(values: SingleArray, first: np.float32, step: np.float32, places: IntArray) -> None:
+    """Write the nearest sample of each of the ``values`` (N,): apart from looking it up, many take a single step."""
+    zero, half, last = np.float32(0.0), np.float32(0.5), np.float32(_STEPS)
+    for i in range(len(values)):
+        places[i] = np.int32(min(max((values[i] - first) * step, zero), last) + half)

@@ -7,9 +7,12 @@ grid of the windows. Steps 9 and 10, the paths, belong to the planner.
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
+from functools import cached_property
 
 import cv2
+import msgspec
 import numpy as np
+from msgspec import structs
 from numpy.typing import NDArray
 
 from perception.binarize import Binarized, SingleArray, clean, rock_mask, rock_score
@@ -42,8 +45,7 @@ _BLACK = 2  # grey levels up to which a pixel is missing data
 np.empty(16 << 20, dtype=np.uint8)
 
 
-@dataclass(frozen=True)
-class ImageRock:
+class ImageRock(msgspec.Struct, frozen=True):
     """A rock as it lies in the working picture; pixel centres at +0.5, angles counter-clockwise as seen."""
 
     id: int  # its value in `Perception.labels`
@@ -87,6 +89,11 @@ class Prepared:
     soil: SoilReference
     even: SingleArray  # (H, W, 3): lab with even light
 
+    @cached_property
+    def red(self) -> SingleArray:
+        """Redness of the picture (H, W), for what asks for it."""
+        return redness(self.picture, self.hidden)
+
 
 def perceive(frame: Frame, knowledge: Knowledge, covered: BoolArray | None = None) -> Perception:
     """Rocks and terrain classes of one frame; without camera pose and ground there is no observation.
@@ -113,7 +120,7 @@ def examine(
     shape = outlines(blobs, knowledge.rock.round_ratio)
     windows = WindowSource(
         ready.picture, ready.grey, ready.lab, ready.soil, score, blobs.labels, blobs.area_px, ready.hidden, chance,
-        _ranges(view),
+        _ranges(view), None if chance is None else ready.red,
     )  # fmt: skip
     features = window_features(windows, knowledge.terrain_rules.input_names)
     classes = classify(features, knowledge.terrain_rules, knowledge.terrain.min_certainty)
@@ -143,7 +150,7 @@ def rock_pixels(ready: Prepared, know: Knowledge) -> tuple[SingleArray, SingleAr
     score, how = rock_score(ready.even, ready.soil, ready.hidden, know), know.binarization
     if know.clasts is None:
         return score, None, Binarized(score, rock_mask(score, ready.soft_grey, how))
-    chance = clast_chance(redness(ready.picture, ready.hidden), ready.grey, score, ready.hidden, know.clasts)
+    chance = clast_chance(ready.red, ready.grey, score, ready.hidden, know.clasts)
     if not ready.soil.coloured:
         return score, chance, Binarized(score, rock_mask(score, ready.soft_grey, how))
     return score, chance, Binarized(chance, clean(chance > know.clasts.rock_cut, how))
@@ -166,10 +173,7 @@ def on_ground(found: Perception, view: View, time_s: float, knowledge: Knowledge
         footprint(view.camera, view.pose, view.plane, reach),
         view.plane,
     )
-    rocks = tuple(
-        rock if place is None else ImageRock(**(vars(rock) | {"placed": place}))  # `replace` takes twice as long
-        for rock, place in zip(found.rocks, placed, strict=True)
-    )
+    rocks = tuple(structs.replace(rock, placed=place) for rock, place in zip(found.rocks, placed, strict=True))
     return replace(found, rocks=rocks, observation=observation)
 
 
@@ -182,7 +186,9 @@ def with_second_eye(
     eyes = StereoView(view, found.scale, view.camera.focal_px / found.scale[0] * baseline_m)
     ground = measured_ground(depth, found.labels, found.hidden, eyes)
     rocks = tuple(
-        replace(rock, placed=refined(rock.placed, depth, found.labels == rock.id, ground, eyes, knowledge.ground))
+        structs.replace(
+            rock, placed=refined(rock.placed, depth, found.labels == rock.id, ground, eyes, knowledge.ground)
+        )
         if rock.placed
         else rock
         for rock in found.rocks
@@ -201,7 +207,7 @@ def with_standing(found: Perception, depth_m: FloatArray, eyes: StereoView, know
     first = len(found.rocks)
     rocks = (
         *found.rocks,
-        *(replace(rock, id=first + rock.id, placed=place) for rock, place in zip(more, placed, strict=True)),
+        *(structs.replace(rock, id=first + rock.id, placed=place) for rock, place in zip(more, placed, strict=True)),
     )
     labels = np.where(blobs.labels > 0, blobs.labels + np.int32(first), found.labels).astype(np.int32)
     joined = RockOutlines(

@@ -9,10 +9,9 @@ nobody knows, which makes most of the error of T, and low suns tell heights best
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numba
 import numpy as np
+from msgspec import structs
 
 from perception.camera import project
 from perception.rock_placement import View
@@ -55,7 +54,7 @@ def with_shadows(
         if np.isfinite(off):
             trust = rock.height_sd_m**2 / (rock.height_sd_m**2 + off**2)
             height = rock.height_m + trust * (measured - rock.height_m)
-            answer[i] = replace(rock, height_m=height, height_sd_m=float(np.sqrt(trust)) * off)
+            answer[i] = structs.replace(rock, height_m=height, height_sd_m=float(np.sqrt(trust)) * off)
     return answer
 
 

@@ -8,11 +8,12 @@ default, ground that falls away from the camera comes out 0.2 pixels too far.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 
 import cv2
 import numpy as np
+from msgspec import structs
 from numpy.typing import NDArray
 
 from perception.camera import grid_rays_c, project
@@ -235,7 +236,7 @@ def _topped(rock: PerceivedRock, over_m: FloatArray, depth_m: FloatArray, eyes: 
     sd = np.hypot(float(disparity_sd_m(np.asarray(np.median(depth_m[seen])), eyes)), _TOP_SD * top)
     trust = rock.height_sd_m**2 / (rock.height_sd_m**2 + sd**2)
     height = rock.height_m + trust * (top - rock.height_m)
-    return replace(rock, height_m=float(height), height_sd_m=float(np.sqrt(trust) * sd))
+    return structs.replace(rock, height_m=float(height), height_sd_m=float(np.sqrt(trust) * sd))
 
 
 def _ground_depth(eyes: StereoView, column: float, row: float) -> float:
@@ -248,7 +249,7 @@ def _ground_depth(eyes: StereoView, column: float, row: float) -> float:
 
 def _scaled(rock: PerceivedRock, scale: float, eye_w: FloatArray, sd_m: float) -> PerceivedRock:
     x, y, z = (eye_w + scale * (np.array(rock.position_w) - eye_w)).tolist()
-    return replace(
+    return structs.replace(
         rock,
         position_w=(x, y, z),
         length_m=rock.length_m * scale,

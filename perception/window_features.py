@@ -45,6 +45,7 @@ class WindowSource:
     hidden: BoolArray
     chance: SingleArray | None = None  # that a pixel shows a clast; inputs of clasts need it
     range_m: FloatArray | None = None  # (rows, columns) ground distance of the windows, NaN where there is no ground
+    red: SingleArray | None = None  # the picture's `redness`, where it is known already
 
 
 def window_features(source: WindowSource, names: tuple[str, ...]) -> dict[str, FloatArray]:
@@ -102,7 +103,8 @@ class _Parts:
 
     @cached_property
     def red(self) -> SingleArray:
-        return redness(self.source.picture, self.source.hidden)
+        known = self.source.red
+        return redness(self.source.picture, self.source.hidden) if known is None else known
 
     @property
     def clast_chance(self) -> SingleArray:
@@ -111,7 +113,7 @@ class _Parts:
 
     def skyline(self) -> FloatArray:
         """How far the first ground from above lies under each window's upper edge, mean of its columns, in pixels."""
-        first = _first_over(np.asarray(cv2.blur(self.red, (3, 3)), dtype=np.float32), SKY_RED)
+        first = _first_over(self.red, SKY_RED)
         rows, columns = self.shape
         first_px = first[: columns * WINDOW_PX].reshape(columns, WINDOW_PX).mean(axis=1)
         under = first_px - WINDOW_PX * np.arange(rows, dtype=np.float64)[:, None]
@@ -182,11 +184,19 @@ def window_reduce(function: np.ufunc, values: ByteArray, size: int) -> ByteArray
 
 @numba.njit(cache=True)
 def _first_over(values: SingleArray, least: float) -> FloatArray:
-    """First row (W,) of each column of ``values`` (H, W) with more than ``least``; H where there is none."""
-    first = np.full(values.shape[1], float(values.shape[0]))
-    for x in range(values.shape[1]):
-        for y in range(values.shape[0]):
-            if values[y, x] > least:
+    """First row (W,) of each column where the mean of 3 x 3 ``values`` (H, W) is over ``least``; H where there is none.
+
+    Mirrored at the border.
+    """
+    height, width = values.shape
+    first = np.full(width, float(height))
+    for x in range(width):
+        left, right = abs(x - 1), width - 1 - abs(width - 2 - x)
+        for y in range(height):
+            total = 0.0
+            for row in (abs(y - 1), y, height - 1 - abs(height - 2 - y)):
+                total += values[row, left] + values[row, x] + values[row, right]
+            if total > 9.0 * least:
                 first[x] = y
                 break
     return first

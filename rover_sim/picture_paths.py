@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from msgspec import structs
 
 from perception.camera import project
 from perception.pipeline import View
@@ -36,7 +37,7 @@ def picture_paths(observation: Observation, view: View, footprint: Footprint) ->
     Empty where no row is free or none of a path lies in the picture.
     """
     # Rocks and paths go through the same plane and back into the same picture, so its error does not part them.
-    rocks = tuple(replace(rock, position_sd_m=_SAME_PLANE_SD_M) for rock in observation.rocks)
+    rocks = tuple(structs.replace(rock, position_sd_m=_SAME_PLANE_SD_M) for rock in observation.rocks)
     memory = remember(empty_memory(_ORIGIN), replace(observation, rocks=rocks), _ORIGIN)
     models = Models(footprint)
     place = Place((0.0, 0.0), 0.0, (GOAL_RANGE_M, 0.0), GOAL_RADIUS_M)

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from msgspec import structs
 
 from planner import mobility, navigator
 from planner.obstacle_map import DriveModel, distance_to, fence, obstacles
@@ -92,7 +93,7 @@ def test_the_navigator_keeps_inside_its_area() -> None:
 
 
 def test_a_height_is_held_against_the_climb_height_with_some_of_its_error() -> None:
-    sure = replace(rock_at((2.0, 0.0, 0.0), 0.2, 0.09), height_sd_m=0.005)
+    sure = structs.replace(rock_at((2.0, 0.0, 0.0), 0.2, 0.09), height_sd_m=0.005)
     assert not table_of(sure)[0, 6]
     assert table_of(replace(sure, height_sd_m=0.04))[0, 6]
     assert table_of(replace(sure, height_m=0.11))[0, 6]
@@ -111,8 +112,8 @@ def test_touching_pieces_count_as_the_rock_that_they_make() -> None:
 
 def test_near_views_undo_many_far_ones() -> None:
     memory = empty_memory(np.zeros(2))
-    far = replace(rock_at((6.0, 0.0, 0.0), 0.3, 0.20, range_m=6.0), height_sd_m=0.01)
-    near = replace(rock_at((6.0, 0.0, 0.0), 0.2, 0.05, range_m=1.5), height_sd_m=0.01)
+    far = structs.replace(rock_at((6.0, 0.0, 0.0), 0.3, 0.20, range_m=6.0), height_sd_m=0.01)
+    near = structs.replace(rock_at((6.0, 0.0, 0.0), 0.2, 0.05, range_m=1.5), height_sd_m=0.01)
     outline, none = np.zeros((0, 2)), np.empty((0, 0), dtype=np.str_)
     for n in range(23):
         rock, place = (far, np.zeros(2)) if n < 20 else (near, np.array([4.5, 0.0]))

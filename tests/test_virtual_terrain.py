@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
+from msgspec import structs
 
 from perception.pipeline import ImageRock, Perception, View, examine, load_knowledge, on_ground
 from planner.choice import dense
@@ -91,12 +92,14 @@ def test_sections_run_along_the_axis_on_the_ground(
     seen: tuple[Perception, View], axis_deg: float, turn_deg: float, first: float
 ) -> None:
     """A0 is the left probe of a level axis; an axis to the left of the line of sight begins at the right."""
-    rock: ImageRock = replace(seen[0].rocks[0], axis_rad=np.radians(axis_deg), sections_px=(5.0, *(7.0,) * 7, 10.0))
+    rock: ImageRock = structs.replace(
+        seen[0].rocks[0], axis_rad=np.radians(axis_deg), sections_px=(5.0, *(7.0,) * 7, 10.0)
+    )
     assert ground_sections(rock, np.radians(turn_deg))[0] == pytest.approx(first)
 
 
 def test_sections_of_an_axis_across_the_one_on_the_ground_are_an_ellipse(seen: tuple[Perception, View]) -> None:
-    rock = replace(seen[0].rocks[0], axis_rad=np.pi / 2, sections_px=(5.0, *(7.0,) * 7, 10.0))
+    rock = structs.replace(seen[0].rocks[0], axis_rad=np.pi / 2, sections_px=(5.0, *(7.0,) * 7, 10.0))
     sections = ground_sections(rock, np.pi / 2)
     assert sections[4] == 1.0
     assert sections == tuple(reversed(sections))
@@ -230,7 +233,7 @@ def test_without_a_path_the_goal_lies_on_no_rock(seen: tuple[Perception, View]) 
     found, view = seen
     (rock,) = found.rocks
     assert rock.placed is not None
-    in_the_way = replace(rock, placed=replace(rock.placed, position_w=(8.0, 0.0, 0.0), length_m=1.4))
+    in_the_way = structs.replace(rock, placed=structs.replace(rock.placed, position_w=(8.0, 0.0, 0.0), length_m=1.4))
     assert way_ahead(found, view, 8.0)[-1] == pytest.approx((8.0, 0.0))
     assert way_ahead(replace(found, rocks=(in_the_way,)), view, 8.0)[-1] == pytest.approx((7.25, 0.0))
 
