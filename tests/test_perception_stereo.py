@@ -8,6 +8,7 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+from msgspec import structs
 
 from perception.camera import project, rays_c
 from perception.ground import ground_points, window_centres
@@ -58,14 +59,14 @@ def test_a_rock_seen_nearer_is_smaller_and_higher_as_worked_by_hand() -> None:
     depth = np.full((240, 320), np.sqrt(2.0) / 2.0)
     nothing = np.full((240, 320), np.nan)
     unknown = MeasuredGround(nothing, nothing, nothing, np.inf)
-    unsure = replace(ROCK, position_sd_m=1e3)
+    unsure = structs.replace(ROCK, position_sd_m=1e3)
     moved = refined(unsure, depth, shown, unknown, EYES, KNOW)
     assert moved.position_w == pytest.approx((0.5, 0.0, 0.5), abs=1e-3)
     assert (moved.length_m, moved.width_m, moved.height_m) == pytest.approx((0.2, 0.15, 0.1), abs=1e-3)
     assert moved.position_sd_m == pytest.approx(
         np.hypot(np.hypot(0.05, np.hypot(0.15, 0.08) * 0.5 / 24.0), 0.05), rel=1e-3
     )
-    sure = refined(replace(ROCK, position_sd_m=1e-6), depth, shown, unknown, EYES, KNOW)
+    sure = refined(structs.replace(ROCK, position_sd_m=1e-6), depth, shown, unknown, EYES, KNOW)
     assert sure.position_w == pytest.approx(ROCK.position_w, abs=1e-6)
 
 
@@ -84,7 +85,7 @@ def test_ground_that_lies_higher_is_measured_and_brings_the_rock_nearer() -> Non
     assert np.nanmax(np.abs(ground.height_m - 0.1)) < 1e-6
     assert ground.sd_m[200, 160] < ground.sd_m[60, 160]
     depth[labels == 1] = np.nan
-    moved = refined(replace(ROCK, position_sd_m=1.0), depth, labels == 1, ground, EYES, KNOW)
+    moved = refined(structs.replace(ROCK, position_sd_m=1.0), depth, labels == 1, ground, EYES, KNOW)
     # The camera is 1 m over the believed ground, 0.9 m over the true one; nearly all weight is on what was measured.
     assert moved.range_m == pytest.approx(0.9, abs=0.01)
     assert moved.position_w[2] == pytest.approx(0.1, abs=0.01)
@@ -110,9 +111,9 @@ def test_the_points_of_a_rock_tell_its_height() -> None:
     depth = plane_depth(0.0)
     depth[labels == 1] = plane_depth(0.3)[labels == 1]
     ground = measured_ground(depth, labels, np.zeros((240, 320), bool), EYES)
-    unsure = replace(ROCK, height_sd_m=1.0)
+    unsure = structs.replace(ROCK, height_sd_m=1.0)
     assert refined(unsure, depth, labels == 1, ground, EYES, KNOW).height_m == pytest.approx(0.3, abs=0.01)
-    assert refined(replace(unsure, cut=True), depth, labels == 1, ground, EYES, KNOW).height_m < 0.25
+    assert refined(structs.replace(unsure, cut=True), depth, labels == 1, ground, EYES, KNOW).height_m < 0.25
 
 
 @pytest.mark.parametrize("lens", [

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from msgspec import structs
 
 from planner import ground_cells as gc
 from planner import terrain_map as tm
@@ -120,7 +121,7 @@ def test_inside_a_concave_outline() -> None:
 
 def test_a_view_that_runs_out_of_the_picture_does_not_shrink_a_rock() -> None:
     whole = rock(3.0, 0.0, size=0.24)
-    part = replace(whole, height_m=0.04, width_m=0.08, length_m=0.20, cut=True, range_m=1.0)
+    part = structs.replace(whole, height_m=0.04, width_m=0.08, length_m=0.20, cut=True, range_m=1.0)
     rocks = after(seen(0, whole), seen(1, part), seen(2, part), seen(3, part)).rocks
     assert len(rocks) == 1
     assert rocks.height_m[0] > 0.18

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -95,8 +93,8 @@ def test_the_navigator_keeps_inside_its_area() -> None:
 def test_a_height_is_held_against_the_climb_height_with_some_of_its_error() -> None:
     sure = structs.replace(rock_at((2.0, 0.0, 0.0), 0.2, 0.09), height_sd_m=0.005)
     assert not table_of(sure)[0, 6]
-    assert table_of(replace(sure, height_sd_m=0.04))[0, 6]
-    assert table_of(replace(sure, height_m=0.11))[0, 6]
+    assert table_of(structs.replace(sure, height_sd_m=0.04))[0, 6]
+    assert table_of(structs.replace(sure, height_m=0.11))[0, 6]
 
 
 def test_touching_pieces_count_as_the_rock_that_they_make() -> None:
