@@ -18,7 +18,6 @@ from rover_sim.files import write_text
 from rover_sim.mavlink.camera_messages import CameraPort
 from rover_sim.mavlink.faults import Faults
 from rover_sim.mavlink.geodesy import LocalFrame
-from rover_sim.mavlink.mission_file import write_plan, write_waypoints
 from rover_sim.mavlink.narrator import Narrator
 from rover_sim.mavlink.persona import Persona
 from rover_sim.mavlink.signing import Signing
@@ -136,9 +135,7 @@ class LiveRover:
         """Write trace, mission and scenario; the log was written as it came."""
         write_text(folder / "scenario.toml", dump_scenario(self.world.scenario))
         self._recorder.save(folder / "trace.npz")
-        items = self.vehicle.store.for_files
-        write_waypoints(folder / "mission.waypoints", items)
-        write_plan(folder / "mission.plan", items, self.autopilot.parameters["CRUISE_SPEED"])
+        self.vehicle.save_plans(folder / "mission.waypoints", folder / "mission.plan")
 
     def _photograph(self, path: Path) -> bool:
         return self._photographer is not None and self._photographer.take(path)

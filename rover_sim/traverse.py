@@ -18,7 +18,6 @@ from rover_sim.autopilot.tuning import tuned_autopilot
 from rover_sim.eyes import eyes
 from rover_sim.given_way import GivenWay, Pilot, Way
 from rover_sim.mavlink.faults import Faults
-from rover_sim.mavlink.mission_file import write_plan, write_waypoints
 from rover_sim.mavlink.stack import BadLink, MavlinkStack
 from rover_sim.onboard import OnboardComputer, Sight
 from rover_sim.outcome import Judge, Limits, Reason
@@ -167,9 +166,7 @@ class Traverse:
 
     def save_mission(self, waypoints: Path, plan: Path) -> None:
         """Write the mission that the vehicle holds, in both of QGroundControl's formats."""
-        items = self._stack.vehicle.store.for_files
-        write_waypoints(waypoints, items)
-        write_plan(plan, items, self._autopilot.parameters["CRUISE_SPEED"])
+        self._stack.vehicle.save_plans(waypoints, plan)
 
     def _planner(self, home_w: Vector3) -> OnboardComputer:
         """A pilot that sees and plans."""

@@ -11,8 +11,11 @@ from rover_sim.autopilot.mission import (
     DriveTo,
     Home,
     Item,
+    Jump,
     Mission,
     ReturnHome,
+    SetFence,
+    SetHome,
     SetReverse,
     SetSpeed,
     TurnTo,
@@ -209,3 +212,35 @@ def test_return_mode_drives_home() -> None:
     drive.until(drive.complete)
     assert drive.autopilot.set_mode(11) is None
     drive.until(lambda: drive.rover.x_m < 0.3)
+
+
+def test_a_jump_repeats_its_items_and_then_lets_the_mission_go_on() -> None:
+    drive = Drive()
+    drive.begin(Home(), DriveTo((0.5, 0.0, 0.0)), Wait(0.2), Jump(2, 2), Wait(0.2))
+    drive.until(drive.complete)
+    assert drive.reached == [1, 2, 2, 2, 4]
+    drive.reached.clear()
+    assert drive.autopilot.start_mission() is None  # begun anew, with all its jumps
+    drive.until(drive.complete)
+    assert drive.reached.count(2) == 3
+
+
+def test_a_jump_without_end_and_one_in_a_circle_without_driving() -> None:
+    drive = Drive()
+    drive.begin(Wait(0.1), Jump(0, -1))
+    drive.until(lambda: len(drive.reached) > 20)
+    assert drive.state() is MissionState.ACTIVE
+    drive.begin(SetSpeed(0.5), Jump(0, -1))
+    drive.step()  # comes back
+    assert drive.state() is MissionState.ACTIVE
+    assert drive.autopilot.set_current(1)
+
+
+def test_a_mission_may_set_home_and_switch_the_fence() -> None:
+    drive = Drive()
+    drive.begin(DriveTo((1.0, 0.0, 0.0)), SetHome(), SetFence(on=True), Wait(0.5), SetHome((0.5, 0.5, 0.0)))
+    drive.until(lambda: drive.autopilot.auto.current == 3)
+    assert drive.autopilot.home_w[0] == pytest.approx(drive.rover.x_m, abs=0.02)
+    assert drive.autopilot.parameters["FENCE_ENABLE"] == 1.0
+    drive.until(drive.complete)
+    assert drive.autopilot.home_w == (0.5, 0.5, 0.0)

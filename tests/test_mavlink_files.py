@@ -11,12 +11,13 @@ from hypothesis import strategies as st
 from rover_sim.errors import InputError
 from rover_sim.mavlink.dialect import Parser
 from rover_sim.mavlink.geodesy import LocalFrame
-from rover_sim.mavlink.mission_file import read_plan, read_waypoints, write_plan, write_waypoints
+from rover_sim.mavlink.mission_file import read_plan, read_plan_areas, read_waypoints, write_plan, write_waypoints
 from rover_sim.mavlink.plan_items import backing_items, mission_items, turning_items
 from rover_sim.mavlink.stack import MavlinkStack
 from rover_sim.mavlink.tlog import SIMULATED_EPOCH_S, TlogWriter, read_tlog
 from rover_sim.mavlink.wire import WireItem
 from tests.mavlink_rig import FOOTPRINT, KinematicRover
+from tests.test_mavlink_fence import PLAN, POINTS
 from worlds.scenario import Origin
 
 FRAME = LocalFrame(Origin())
@@ -72,6 +73,38 @@ def test_the_plan_has_what_qgroundcontrol_asks_for(tmp_path: Path) -> None:
     assert [item["doJumpId"] for item in plan["mission"]["items"]] == [1, 2, 3]
     assert all(len(item["params"]) == 7 for item in plan["mission"]["items"])
     assert plan["geoFence"]["version"] == plan["rallyPoints"]["version"] == 2
+
+
+def test_fence_and_rally_points_of_a_plan_read_back_as_written(tmp_path: Path) -> None:
+    path = tmp_path / "mission.plan"
+    write_plan(path, [PLAN_HOME], 0.6, PLAN, POINTS)
+    plan = json.loads(path.read_text())
+    assert [len(polygon["polygon"]) for polygon in plan["geoFence"]["polygons"]] == [4, 3]
+    assert [polygon["inclusion"] for polygon in plan["geoFence"]["polygons"]] == [True, False]
+    assert plan["geoFence"]["circles"][0]["circle"]["radius"] == 0.5
+    assert len(plan["geoFence"]["breachReturn"]) == 3
+    assert len(plan["rallyPoints"]["points"]) == 2
+    assert read_plan_areas(path) == (PLAN, POINTS)
+    assert read_plan(path) == [PLAN_HOME]
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "[]",
+        '{"geoFence": {}}',
+        '{"geoFence": {"polygons": [{"polygon": [[1, 2]]}]}, "rallyPoints": {}}',
+        '{"geoFence": {"circles": [{"circle": {"center": [1], "radius": 2}, "inclusion": true}]}, "rallyPoints": {}}',
+        '{"geoFence": {}, "rallyPoints": {"points": [[1, 2, null]]}}',
+        '{"geoFence": [], "rallyPoints": {}}',
+    ],
+)
+def test_bad_areas_of_a_plan_are_one_line(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "a.plan"
+    path.write_text(text)
+    with pytest.raises(InputError, match="geoFence") as caught:
+        read_plan_areas(path)
+    assert "\n" not in str(caught.value)
 
 
 def test_nan_is_null_in_a_plan(tmp_path: Path) -> None:

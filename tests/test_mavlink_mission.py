@@ -7,12 +7,13 @@ from collections.abc import Sequence
 
 import pytest
 
+from rover_sim.autopilot.mission import DriveTo, Jump, SetFence, SetHome, Wait
 from rover_sim.autopilot.modes import MissionState, Mode
 from rover_sim.mavlink.dialect import Message, mavlink
 from rover_sim.mavlink.geodesy import LocalFrame
 from rover_sim.mavlink.mission_store import CAPACITY
 from rover_sim.mavlink.plan_items import mission_items
-from rover_sim.mavlink.wire import WireItem
+from rover_sim.mavlink.wire import WireItem, typed_item
 from tests.mavlink_rig import Station, Yard
 from worlds.scenario import Origin
 
@@ -179,6 +180,13 @@ def test_a_cancelled_upload_leaves_the_old_mission(yard: Yard, station: Station)
         (WireItem(3, 16, (0, math.inf, 0, 0), 384064000, -1107919000, 0.0), 7),
         (WireItem(2, 178, (1.0, -1.0, 0, 0), 0, 0, 0.0), 7),
         (WireItem(2, 115, (math.inf, 0, 0, 0), 0, 0, 0.0), 6),
+        (WireItem(2, 93, (-1.0, 12, 0, 0), 0, 0, 0.0), 6),  # a time of day
+        (WireItem(2, 177, (0.0, 1, 0, 0), 0, 0, 0.0), 6),  # jumps: to home, beyond the end, to itself, no number
+        (WireItem(2, 177, (3.0, 1, 0, 0), 0, 0, 0.0), 6),
+        (WireItem(2, 177, (2.0, 1, 0, 0), 0, 0, 0.0), 6),
+        (WireItem(2, 177, (1.5, 1, 0, 0), 0, 0, 0.0), 6),
+        (WireItem(2, 177, (1.0, -2, 0, 0), 0, 0, 0.0), 7),
+        (WireItem(2, 207, (2.0, 0, 0, 0), 0, 0, 0.0), 6),
     ],
 )
 def test_a_bad_item_ends_the_upload_with_its_own_code(
@@ -324,3 +332,26 @@ def test_500_items(yard: Yard, station: Station) -> None:
     many = mission_items([(0.1 * step, 1.0, 0.0) for step in range(499)], FRAME, (0.0, 0.0, 0.0))
     assert upload(yard, station, many) == [ACCEPTED]
     assert [item.x for item in download(yard, station)] == [item.x for item in many]
+
+
+def test_loiter_jump_delay_home_and_fence_items_are_taken(yard: Yard, station: Station) -> None:
+    here = (ITEMS[1].x, ITEMS[1].y, 0.0)
+    driven = typed_item(ITEMS[1], FRAME, (0.0, 0.0, 0.0), may_be_home=False)
+    assert isinstance(driven, DriveTo)
+    more = [
+        WireItem(3, 17, (0.0, 0, 1.0, 0), *here),
+        WireItem(2, 93, (2.0, -1, -1, -1), 0, 0, 0.0),
+        WireItem(2, 177, (1.0, -1, 0, 0), 0, 0, 0.0),
+        WireItem(0, 179, (0.0, 0, 0, 0), *here),
+        WireItem(2, 179, (1.0, 0, 0, 0), 0, 0, 0.0),
+        WireItem(2, 207, (1.0, 0, 0, 0), 0, 0, 0.0),
+    ]
+    assert upload(yard, station, [*ITEMS, *more]) == [ACCEPTED]
+    assert yard.autopilot.auto.mission.items[3:] == (
+        DriveTo(driven.position_w, math.inf),
+        Wait(2.0),
+        Jump(1, -1),
+        SetHome(driven.position_w),
+        SetHome(),
+        SetFence(on=True),
+    )

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from planner.mobility import STOP, Command, Limits, ramp, wheel_speeds
+from rover_sim.autopilot.admission import arming_refusal, mode_refusal
 from rover_sim.autopilot.alarm import Alarm
 from rover_sim.autopilot.events import Event, Reached, Text
 from rover_sim.autopilot.failsafe import Failsafe
 from rover_sim.autopilot.fence_guard import FenceGuard
-from rover_sim.autopilot.mission import DriveTo, Item, Mission, TurnTo
-from rover_sim.autopilot.modes import MissionState, Mode, Severity
+from rover_sim.autopilot.mission import DriveTo, Item, Mission, SetFence, SetHome, TurnTo
+from rover_sim.autopilot.modes import DRIVING_MODES, MissionState, Mode, Severity
 from rover_sim.autopilot.motion_limits import limits
 from rover_sim.autopilot.parameters import ParameterTable
 from rover_sim.autopilot.returning import ReturnPlaces
@@ -18,7 +19,6 @@ from rover_sim.autopilot.sticks import StickPilot
 from rover_sim.autopilot.targets import Target, TargetFollower
 from worlds.types import FloatArray, Footprint, PoseEstimate, SensorReadings, Vector3
 
-DRIVING_MODES = (Mode.AUTO, Mode.GUIDED, Mode.RETURN, Mode.SMART_RETURN)
 _LONGEST_STEP_S = 0.2  # a pause between two updates must not become a jump in speed
 
 
@@ -103,10 +103,7 @@ class Autopilot:
 
     def prearm_reason(self) -> str | None:
         """Why the rover cannot be armed now; None if it can."""
-        reason = self._unfit() or self.pilot.unfit()
-        if reason is None and self._estimate is not None and not self.allows(self._estimate.pose.position_w):
-            return "outside of the fence"
-        return reason
+        return arming_refusal(self, self._time_s, self._estimate)
 
     def allows(self, position_w: FloatArray | Vector3) -> bool:
         """Whether the fence, if there is one, allows the rover to be at a place."""
@@ -216,19 +213,8 @@ class Autopilot:
         told = "" if mode is None else f", {mode.name.lower().replace('_', ' ')}"
         self._say(alarm.severity, alarm.text + told)
 
-    def _unfit(self) -> str | None:
-        """Why the rover must not drive by itself now."""
-        if self._time_s is None:
-            return "no pose estimate yet"
-        return self.failsafe.unfit(self._time_s, self._estimate, self.parameters)
-
     def _refusal(self, mode: Mode) -> str | None:
-        if mode is Mode.AUTO and self.auto.mission.empty:
-            return "no mission"
-        if mode is Mode.SMART_RETURN and self.returns.way_back().empty:
-            return "the way back is not known"
-        reason = self._unfit() if mode in DRIVING_MODES else None
-        return self.fence.leads_out(self.auto.mission, self.home_w) if reason is None and mode is Mode.AUTO else reason
+        return mode_refusal(self, mode, self._time_s, self._estimate)
 
     def _operator_lost(self, time_s: float) -> bool:
         """Whether sticks or set points that drive the rover have just been lost; the fail-safe is then done."""
@@ -290,10 +276,20 @@ class Autopilot:
             lambda: self.returns.place(estimate.pose.position_w, self.home_w)[1],
         )
         if runner is self.auto:
-            self._events.extend(Reached(index) for index in reached)
+            for index in reached:
+                self._events.append(Reached(index))
+                self._apply(runner.mission.items[index], estimate)
             if runner.state is MissionState.COMPLETE is not before:
                 self._say(Severity.INFO, "Mission complete")
         return command
+
+    def _apply(self, item: Item, estimate: PoseEstimate) -> None:
+        """What an item that was reached does beside driving."""
+        if isinstance(item, SetHome):
+            x, y, z = (float(value) for value in estimate.pose.position_w)
+            self.home_w = (x, y, z) if item.position_w is None else item.position_w
+        elif isinstance(item, SetFence):
+            self.parameters.set("FENCE_ENABLE", float(item.on))
 
     def _limits(self) -> Limits:
         return limits(self.parameters, self.footprint)

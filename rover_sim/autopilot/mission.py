@@ -55,7 +55,29 @@ class ReturnHome:
     """Drive to where "return" leads, a rally point or home, in a straight line."""
 
 
-Item = Home | DriveTo | TurnTo | SetSpeed | SetReverse | Wait | ReturnHome
+@dataclass(frozen=True)
+class Jump:
+    """Go on with another item, so many times in a mission; below 0 always."""
+
+    index: int
+    times: int
+
+
+@dataclass(frozen=True)
+class SetHome:
+    """Home is here from now on, or where the rover is if ``position_w`` is None."""
+
+    position_w: Vector3 | None = None
+
+
+@dataclass(frozen=True)
+class SetFence:
+    """Switch the fence."""
+
+    on: bool
+
+
+Item = Home | DriveTo | TurnTo | SetSpeed | SetReverse | Wait | ReturnHome | Jump | SetHome | SetFence
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,10 @@ class Mode(IntEnum):
     GUIDED = 15
 
 
+DRIVING_MODES = (Mode.AUTO, Mode.GUIDED, Mode.RETURN, Mode.SMART_RETURN)
+"""Modes in which the autopilot itself moves the rover."""
+
+
 class MissionState(IntEnum):
     """What the mission is doing; the numbers are those of MAVLink's ``MISSION_STATE``."""
 

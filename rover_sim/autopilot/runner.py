@@ -8,7 +8,19 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from planner.mobility import STOP, Command, Limits, Progress, follow_path, turn_to
-from rover_sim.autopilot.mission import DriveTo, Home, Mission, ReturnHome, SetReverse, SetSpeed, TurnTo, Wait
+from rover_sim.autopilot.mission import (
+    DriveTo,
+    Home,
+    Jump,
+    Mission,
+    ReturnHome,
+    SetFence,
+    SetHome,
+    SetReverse,
+    SetSpeed,
+    TurnTo,
+    Wait,
+)
 from rover_sim.autopilot.modes import MissionState
 from worlds.geometry import euler_from_quaternion
 from worlds.types import FloatArray, Footprint, PoseEstimate, Vector3
@@ -37,6 +49,7 @@ class MissionRunner:
         self._leg: _Leg | None = None
         self._heading_rad: float | None = None
         self._until_s: float | None = None
+        self._jumps: dict[int, int] = {}  # how often each was made
 
     def load(self, mission: Mission, current: int | None = None) -> None:
         """Replace the mission; a running one goes on with the new one's first item, or with ``current``."""
@@ -83,10 +96,13 @@ class MissionRunner:
         """
         self._return_w = return_w
         reached: list[int] = []
-        while self.state is MissionState.ACTIVE:
+        for _ in range(len(self.mission.items) + 1):  # jumps that lead in a circle without driving end here too
+            if self.state is not MissionState.ACTIVE:
+                break
             before = self.current
             command = self._execute(time_s, estimate, limits)
-            reached.extend(range(before, self.current))
+            if not isinstance(self.mission.items[before], Jump):
+                reached.extend(range(before, self.current))
             if self.current >= len(self.mission.items):
                 self.current = len(self.mission.items) - 1
                 self.state = MissionState.COMPLETE
@@ -110,9 +126,19 @@ class MissionRunner:
                 return None
             case SetReverse():
                 self._reverse = item.reverse
-            case Home():
-                pass
+            case Jump():
+                return self._jump(item)
+            case Home() | SetHome() | SetFence():
+                pass  # what concerns more than driving is done by whoever hears that it is reached
         return self._done()
+
+    def _jump(self, item: Jump) -> Command | None:
+        done = self._jumps.get(self.current, 0)
+        if 0 <= item.times <= done:
+            return self._done()
+        self._jumps[self.current] = done + 1
+        self._enter(item.index)
+        return None
 
     def _drive(self, time_s: float, estimate: PoseEstimate, limits: Limits) -> Command | None:
         if self._until_s is not None:  # arrived before: only the hold is left
@@ -188,6 +214,7 @@ class MissionRunner:
         """Start of a mission: its own speed and direction are forgotten."""
         self._reverse = False
         self._speed_m_s = None
+        self._jumps = {}
         self._enter(index)
 
     def _enter(self, index: int) -> None:

@@ -15,6 +15,7 @@ from rover_sim.errors import InputError
 from rover_sim.files import write_json, write_text
 from rover_sim.mavlink.dialect import mavlink
 from rover_sim.mavlink.geodesy import DEGREES_E7
+from rover_sim.mavlink.plan_fence import fence_entry, rally_entry, read_fence, read_rally
 from rover_sim.mavlink.wire import WAYPOINT, WireItem
 
 _HEADER = "QGC WPL 110"
@@ -41,8 +42,14 @@ def read_waypoints(path: Path) -> list[WireItem]:
     return [_waypoint_line(path, number, line) for number, line in enumerate(lines[1:], start=2) if line.strip()]
 
 
-def write_plan(path: Path, items: Sequence[WireItem], cruise_speed_m_s: float) -> None:
-    """Write the items as a plan: the first is the planned home, the others count from 1."""
+def write_plan(
+    path: Path,
+    items: Sequence[WireItem],
+    cruise_speed_m_s: float,
+    fence: Sequence[WireItem] = (),
+    rally: Sequence[WireItem] = (),
+) -> None:
+    """Write mission, fence and rally points as a plan: the first item is the planned home, the others count from 1."""
     home, *rest = items
     mission = {
         "version": 2,
@@ -59,18 +66,15 @@ def write_plan(path: Path, items: Sequence[WireItem], cruise_speed_m_s: float) -
         "version": 1,
         "groundStation": "QGroundControl",
         "mission": mission,
-        "geoFence": {"version": 2, "circles": [], "polygons": []},
-        "rallyPoints": {"version": 2, "points": []},
+        "geoFence": fence_entry(fence),
+        "rallyPoints": rally_entry(rally),
     }
     write_json(path, plan)
 
 
 def read_plan(path: Path) -> list[WireItem]:
     """Read the simple items of a plan, home first; raises InputError that names the file and the key."""
-    try:
-        plan = json.loads(_text(path))
-    except json.JSONDecodeError as error:
-        raise InputError(f"{path}: line {error.lineno}: not JSON ({error.msg}); allowed: a .plan file") from error
+    plan = _json(path)
     try:
         mission = plan["mission"]
         latitude, longitude, altitude = mission["plannedHomePosition"]
@@ -79,6 +83,22 @@ def read_plan(path: Path) -> list[WireItem]:
         return [home, *(_read_plan_item(path, number, item) for number, item in enumerate(mission["items"]))]
     except (KeyError, TypeError, ValueError, OverflowError) as error:
         raise InputError(f"{path}: mission: {error!r}; allowed: the keys of a QGroundControl plan") from error
+
+
+def read_plan_areas(path: Path) -> tuple[list[WireItem], list[WireItem]]:
+    """Read the fence and the rally points of a plan; raises InputError that names the file and the key."""
+    plan = _json(path)
+    try:
+        return list(read_fence(plan["geoFence"])), list(read_rally(plan["rallyPoints"]))
+    except (AttributeError, KeyError, TypeError, ValueError, OverflowError) as error:
+        raise InputError(f"{path}: geoFence, rallyPoints: {error!r}; allowed: the keys of a plan") from error
+
+
+def _json(path: Path) -> Any:
+    try:
+        return json.loads(_text(path))
+    except json.JSONDecodeError as error:
+        raise InputError(f"{path}: line {error.lineno}: not JSON ({error.msg}); allowed: a .plan file") from error
 
 
 def _waypoint_line(path: Path, number: int, line: str) -> WireItem:

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from rover_sim.autopilot.mission import Item, Mission
+from rover_sim.autopilot.mission import Item, Jump, Mission, SetFence
 from rover_sim.mavlink.context import Context
 from rover_sim.mavlink.dialect import mavlink
 from rover_sim.mavlink.plan_ids import plan_id
-from rover_sim.mavlink.wire import WAYPOINT, WireItem, typed_item
+from rover_sim.mavlink.wire import WAYPOINT, RefusedItemError, WireItem, typed_item
 
 CAPACITY = 2000
 
@@ -30,13 +30,20 @@ class MissionStore:
         self._typed(item, seq)
 
     def replace(self, items: Sequence[WireItem]) -> None:
-        """Store checked items and hand them to the autopilot; the item marked as current is where it begins."""
+        """Store checked items and hand them to the autopilot; the item marked as current is where it begins.
+
+        Refused where a jump leads to itself or to no item.
+        """
         if len(items) == 1 and items[0].is_blank:
             items = []
         typed = tuple(self._typed(item, seq) for seq, item in enumerate(items))
+        mission = Mission(typed)
+        for seq, item in enumerate(typed):
+            if isinstance(item, Jump) and (item.index == seq or not mission.first <= item.index < len(typed)):
+                raise RefusedItemError(mavlink.MAV_MISSION_INVALID_PARAM1)
         marked = next((seq for seq, item in enumerate(items) if item.current == 1), None)
         self.items, self.opaque_id = tuple(items), plan_id(items)
-        self._context.autopilot.set_mission(Mission(typed), marked)
+        self._context.autopilot.set_mission(mission, marked)
 
     @property
     def readable(self) -> tuple[WireItem, ...]:
@@ -51,7 +58,11 @@ class MissionStore:
 
     def _typed(self, item: WireItem, seq: int) -> Item:
         may_be_home = seq == 0 and self._context.persona.home_first
-        return typed_item(item, self._context.frame, self._context.autopilot.home_w, may_be_home=may_be_home)
+        autopilot = self._context.autopilot
+        typed = typed_item(item, self._context.frame, autopilot.home_w, may_be_home=may_be_home)
+        if isinstance(typed, SetFence) and "FENCE_ENABLE" not in autopilot.parameters:
+            raise RefusedItemError(mavlink.MAV_MISSION_UNSUPPORTED)
+        return typed
 
     def _home(self) -> WireItem:
         place = self._context.frame.to_geo(self._context.autopilot.home_w)

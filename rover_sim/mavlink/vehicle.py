@@ -20,6 +20,7 @@ from rover_sim.mavlink.ftp_server import FileServer
 from rover_sim.mavlink.geodesy import LocalFrame
 from rover_sim.mavlink.heartbeat import COMPONENT, SYSTEM
 from rover_sim.mavlink.item_store import ItemStore
+from rover_sim.mavlink.mission_file import write_plan, write_waypoints
 from rover_sim.mavlink.mission_reader import MissionReader
 from rover_sim.mavlink.mission_server import MissionServer
 from rover_sim.mavlink.mission_store import MissionStore
@@ -104,6 +105,12 @@ class Vehicle:
             service.tick()
         if self._camera is not None:
             self._camera.tick()
+
+    def save_plans(self, waypoints: Path, plan: Path) -> None:
+        """Write the mission in both of the ground stations' formats; the plan has fence and rally points too."""
+        items, speed_m_s = self.store.for_files, self._context.autopilot.parameters["CRUISE_SPEED"]
+        write_waypoints(waypoints, items)
+        write_plan(plan, items, speed_m_s, self.fence.items, self.rally.items)
 
     def close(self) -> None:
         """Close all links and files."""

@@ -4,9 +4,21 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
-from rover_sim.autopilot.mission import DriveTo, Home, Item, ReturnHome, SetReverse, SetSpeed, TurnTo, Wait
+from rover_sim.autopilot.mission import (
+    DriveTo,
+    Home,
+    Item,
+    Jump,
+    ReturnHome,
+    SetFence,
+    SetHome,
+    SetReverse,
+    SetSpeed,
+    TurnTo,
+    Wait,
+)
 from rover_sim.mavlink.dialect import Message, mavlink
 from rover_sim.mavlink.geodesy import DEGREES_E7, GeoPoint, LocalFrame, yaw_rad
 from worlds.types import Vector3
@@ -81,6 +93,11 @@ def typed_item(item: WireItem, frame: LocalFrame, home_w: Vector3, *, may_be_hom
     if item.command in (WAYPOINT, mavlink.MAV_CMD_NAV_LOITER_TIME):
         radius = _given(item.params[1]) if item.command == WAYPOINT else 0.0
         return DriveTo(place_in(item, frame, home_w), _least(_given(item.params[0]), 1), _least(radius, 2))
+    if item.command == mavlink.MAV_CMD_NAV_LOITER_UNLIM:
+        return DriveTo(place_in(item, frame, home_w), math.inf)
+    if item.command == mavlink.MAV_CMD_DO_SET_HOME:
+        there = replace(item, z=math.nan)  # at the height of the home that it replaces
+        return SetHome(None if item.params[0] == 1.0 else place_in(there, frame, home_w))
     make = _PLACELESS.get(item.command)
     if make is None:
         raise RefusedItemError(mavlink.MAV_MISSION_UNSUPPORTED)
@@ -140,6 +157,12 @@ def _above_zero(value: float, param: int) -> float:
     return value
 
 
+def _whole(value: float, least: int, param: int, most: int = 65535) -> int:
+    if not (least <= value <= most and float(value).is_integer()):
+        raise RefusedItemError(mavlink.MAV_MISSION_INVALID_PARAM1 + param - 1)
+    return int(value)
+
+
 def _given(value: float) -> float:
     return 0.0 if math.isnan(value) else value
 
@@ -147,6 +170,9 @@ def _given(value: float) -> float:
 _PLACELESS: Mapping[int, Callable[[float, float, float, float], Item]] = {
     mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH: lambda *_: ReturnHome(),
     mavlink.MAV_CMD_CONDITION_DELAY: lambda seconds, *_: Wait(_least(seconds, 1)),
+    mavlink.MAV_CMD_NAV_DELAY: lambda seconds, *_: Wait(_least(seconds, 1)),  # -1 would be a time of day
+    mavlink.MAV_CMD_DO_JUMP: lambda index, times, *_: Jump(_whole(index, 0, 1), _whole(times, -1, 2)),
+    mavlink.MAV_CMD_DO_FENCE_ENABLE: lambda on, *_: SetFence(on=bool(_whole(on, 0, 1, 1))),
     mavlink.MAV_CMD_CONDITION_YAW: lambda angle, _rate, direction, relative: turn_item(angle, direction, relative),
     mavlink.MAV_CMD_DO_CHANGE_SPEED: lambda _kind, speed, *_: SetSpeed(_above_zero(speed, 2)),
     mavlink.MAV_CMD_DO_SET_REVERSE: lambda reverse, *_: SetReverse(reverse=bool(reverse)),
