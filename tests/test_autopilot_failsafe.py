@@ -138,3 +138,17 @@ def test_parameters_keep_their_limits() -> None:
     assert all(
         len(parameter.name) <= 16 and parameter.low <= parameter.default <= parameter.high for parameter in TABLE
     )
+
+
+@pytest.mark.parametrize("name", ["FS_TILT_ENABLE", "FS_STUCK_ENABLE"])
+def test_tilt_and_stuck_can_be_switched_off(name: str) -> None:
+    drive = driving()
+    drive.autopilot.parameters.set("FS_SLIP_ENABLE", 0)
+    assert drive.autopilot.parameters.set(name, 0)
+    if name == "FS_TILT_ENABLE":
+        drive.rover.roll_rad = np.deg2rad(40.0)
+    else:
+        drive.rover.slip = 1.0
+    for _ in range(8 * 48):
+        drive.step()
+    assert drive.autopilot.mode is Mode.AUTO

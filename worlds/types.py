@@ -338,6 +338,27 @@ class GnssReading:
 
 
 @dataclass(frozen=True)
+class BatteryReading:
+    """What a battery that counts its charge says of itself."""
+
+    voltage_v: float
+    current_a: float
+    used_mah: float  # since it was full
+    used_j: float  # since the start
+    capacity_mah: float
+
+    @property
+    def left_mah(self) -> float:
+        """Charge left."""
+        return max(self.capacity_mah - self.used_mah, 0.0)
+
+    @property
+    def left_share(self) -> float:
+        """Charge left, 0 to 1."""
+        return self.left_mah / self.capacity_mah
+
+
+@dataclass(frozen=True)
 class SensorReadings:
     """All that the rover's own sensors gave at one instant; ``gnss`` is None between fixes."""
 
@@ -345,6 +366,7 @@ class SensorReadings:
     imu: ImuReading
     wheel_speed_rad_s: tuple[float, ...]  # left side front to rear, then right side front to rear
     gnss: GnssReading | None = None
+    battery: BatteryReading | None = None  # None: the rover has none that can be read
 
 
 @dataclass(frozen=True)

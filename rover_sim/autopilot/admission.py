@@ -22,8 +22,8 @@ def arming_refusal(autopilot: Autopilot, time_s: float | None, estimate: PoseEst
     """Why the rover must not be armed now."""
     reason = unfit(autopilot, time_s, estimate) or autopilot.pilot.unfit()
     if reason is None and estimate is not None and not autopilot.allows(estimate.pose.position_w):
-        return "outside of the fence"
-    return reason
+        reason = "outside of the fence"
+    return reason or autopilot.battery.unfit()
 
 
 def mode_refusal(autopilot: Autopilot, mode: Mode, time_s: float | None, estimate: PoseEstimate | None) -> str | None:

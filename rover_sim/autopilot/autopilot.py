@@ -5,16 +5,19 @@ from __future__ import annotations
 from planner.mobility import STOP, Command, Limits, ramp, wheel_speeds
 from rover_sim.autopilot.admission import arming_refusal, mode_refusal
 from rover_sim.autopilot.alarm import Alarm
+from rover_sim.autopilot.battery_guard import BatteryGuard
 from rover_sim.autopilot.events import Event, Reached, Text
 from rover_sim.autopilot.failsafe import Failsafe
 from rover_sim.autopilot.fence_guard import FenceGuard
 from rover_sim.autopilot.mission import DriveTo, Item, Mission, SetFence, SetHome, TurnTo
 from rover_sim.autopilot.modes import DRIVING_MODES, MissionState, Mode, Severity
 from rover_sim.autopilot.motion_limits import limits
+from rover_sim.autopilot.operator_watch import operator_alarm
 from rover_sim.autopilot.parameters import ParameterTable
 from rover_sim.autopilot.returning import ReturnPlaces
 from rover_sim.autopilot.runner import MissionRunner
 from rover_sim.autopilot.safety_parameters import ARDUPILOT_SAFETY
+from rover_sim.autopilot.station_guard import StationGuard
 from rover_sim.autopilot.sticks import StickPilot
 from rover_sim.autopilot.targets import Target, TargetFollower
 from worlds.types import FloatArray, Footprint, PoseEstimate, SensorReadings, Vector3
@@ -36,6 +39,7 @@ class Autopilot:
         self.auto = MissionRunner(footprint)
         self.failsafe = Failsafe(footprint)
         self.pilot = StickPilot()
+        self.stations, self.battery = StationGuard(self.parameters), BatteryGuard(self.parameters)
         self.fence = FenceGuard(self.parameters)
         self.returns = ReturnPlaces(self.parameters, self.fence)
         self._guided = MissionRunner(footprint)
@@ -58,11 +62,12 @@ class Autopilot:
             self._say(trip.severity, f"{trip.text}, hold")
             self._enter(Mode.HOLD)
             self.tripped = True
-        if estimate is not None:
-            self._watch(time_s, estimate)
-        lost = self._operator_lost(time_s)
+        self._watch(time_s, estimate, readings)
+        lost = operator_alarm(time_s, self.mode, self.pilot, self._targets) if self.armed else None
+        if lost is not None:
+            self._respond(lost)
         wanted = self._wanted(time_s, estimate)
-        if not self.armed or lost or wanted is None:
+        if not self.armed or lost is not None or wanted is None:
             self._motion = STOP
         else:
             self._motion = ramp(self._motion, wanted, self._limits(), step_s)
@@ -192,13 +197,16 @@ class Autopilot:
         self._guided.load(Mission(items))
         self._guided.start()
 
-    def _watch(self, time_s: float, estimate: PoseEstimate) -> None:
+    def _watch(self, time_s: float, estimate: PoseEstimate | None, readings: SensorReadings) -> None:
         """Everything that may take the wheel from whoever drives, other than what makes driving impossible."""
-        alarm = self.fence.update(time_s, estimate, self.home_w, armed=self.armed)
-        if alarm is not None:
-            self._respond(alarm)
-        if self.armed and self.mode is not Mode.SMART_RETURN:
-            self.returns.note(estimate.pose.position_w)
+        alarms = [self.stations.update(time_s, self.mode), self.battery.update(time_s, readings.battery)]
+        if estimate is not None:
+            alarms.append(self.fence.update(time_s, estimate, self.home_w, armed=self.armed))
+            if self.armed and self.mode is not Mode.SMART_RETURN:
+                self.returns.note(estimate.pose.position_w)
+        for alarm in alarms:
+            if alarm is not None:
+                self._respond(alarm)
 
     def _respond(self, alarm: Alarm) -> None:
         """Say it, and change to the first mode of its response that is possible; a rover on its way back goes on."""
@@ -215,24 +223,6 @@ class Autopilot:
 
     def _refusal(self, mode: Mode) -> str | None:
         return mode_refusal(self, mode, self._time_s, self._estimate)
-
-    def _operator_lost(self, time_s: float) -> bool:
-        """Whether sticks or set points that drive the rover have just been lost; the fail-safe is then done."""
-        steering = self.armed and self.mode is Mode.MANUAL
-        if self.pilot.lost(time_s) and steering:
-            self._lose("Sticks lost", self.pilot.on_loss)
-            return True
-        guided = self.armed and self.mode is Mode.GUIDED
-        if self._targets.lost(time_s) and guided:
-            self._lose("Set points lost", Mode.HOLD if self._targets.hold_on_loss else None)
-            return True
-        return False
-
-    def _lose(self, text: str, mode: Mode | None) -> None:
-        if mode is None:
-            self._say(Severity.WARNING, f"{text}, stopped")
-        else:
-            self._respond(Alarm(Severity.CRITICAL, text, (mode,)))
 
     def _distrust_sticks(self) -> None:
         if self.pilot.distrust() and self.armed and self.mode is Mode.MANUAL:

@@ -37,7 +37,7 @@ class Failsafe:
     def unfit(self, time_s: float, estimate: PoseEstimate | None, parameters: ParameterTable) -> str | None:
         """Why the rover must not begin to drive by itself now; None if it may."""
         reason = _pose_fault(time_s, estimate, parameters)
-        if reason is None and estimate is not None and tilt(estimate) > np.deg2rad(parameters["FS_TILT_DEG"]):
+        if reason is None and estimate is not None and tilt(estimate) > _tilt_limit_rad(parameters):
             return f"tilted by {np.rad2deg(tilt(estimate)):.0f} deg"
         return reason
 
@@ -55,8 +55,8 @@ class Failsafe:
             return Trip(Severity.CRITICAL, f"Pose lost: {fault}")
         limits = MonitorLimits(
             slip=parameters["FS_SLIP_PCT"] / 100.0 if parameters["FS_SLIP_ENABLE"] else float("inf"),
-            tilt_rad=float(np.deg2rad(parameters["FS_TILT_DEG"])),
-            stuck_time_s=parameters["FS_STUCK_S"],
+            tilt_rad=_tilt_limit_rad(parameters),
+            stuck_time_s=parameters["FS_STUCK_S"] if parameters["FS_STUCK_ENABLE"] else float("inf"),
         )
         wheels = readings.wheel_speed_rad_s
         self.monitor, advice = watch(self.monitor, estimate, wheels, commanded, self._footprint, limits)
@@ -74,6 +74,10 @@ class Failsafe:
         if advice is Advice.STUCK:
             return Trip(Severity.ERROR, f"Stuck: no progress for {parameters['FS_STUCK_S']:.0f} s")
         return None
+
+
+def _tilt_limit_rad(parameters: ParameterTable) -> float:
+    return float(np.deg2rad(parameters["FS_TILT_DEG"])) if parameters["FS_TILT_ENABLE"] else float("inf")
 
 
 def _pose_fault(time_s: float, estimate: PoseEstimate | None, parameters: ParameterTable) -> str | None:

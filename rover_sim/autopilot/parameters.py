@@ -25,8 +25,10 @@ TABLE: tuple[Parameter, ...] = (
     Parameter("FS_POSE_S", 1.0, 0.1, 60.0, "pose fail-safe: age of the estimate, s"),
     Parameter("FS_SLIP_ENABLE", 1, 0, 1, "slip fail-safe: 0 off, 1 hold", integer=True),
     Parameter("FS_SLIP_PCT", 40.0, 5.0, 100.0, "slip fail-safe: slip held for a wheel revolution, percent"),
+    Parameter("FS_STUCK_ENABLE", 1, 0, 1, "stuck fail-safe: 0 off, 1 hold", integer=True),
     Parameter("FS_STUCK_S", 6.0, 1.0, 600.0, "stuck fail-safe: how long without progress, s"),
     Parameter("FS_TILT_DEG", 35.0, 5.0, 80.0, "tilt fail-safe: angle between body and gravity, deg"),
+    Parameter("FS_TILT_ENABLE", 1, 0, 1, "tilt fail-safe: 0 off, 1 hold", integer=True),
     Parameter("FS_TILT_S", 0.5, 0.0, 10.0, "tilt fail-safe: how long the tilt must last, s"),
     Parameter("TURN_RATE", 25.0, 2.0, 180.0, "yaw rate when turning on the spot, deg/s"),
     Parameter("WP_RADIUS", 0.25, 0.05, 10.0, "distance at which a waypoint is reached, m"),
@@ -51,6 +53,10 @@ class ParameterTable:
 
     def __getitem__(self, name: str) -> float:
         return self._values[name]
+
+    def get(self, name: str, default: float) -> float:
+        """The value, or a default where there is no such parameter."""
+        return self._values.get(name, default)
 
     def extend(self, table: Sequence[Parameter]) -> None:
         """Add parameters, such as those that only one kind of ground station reads; names that are there stay."""

@@ -38,10 +38,10 @@ ARDUPILOT_PARAMETERS: tuple[Parameter, ...] = (
     *(_fixed(f"RCMAP_{name}", channel, "channel of the stick") for name, channel in _STICKS),
 )
 PX4_PARAMETERS: tuple[Parameter, ...] = (
-    _fixed("BAT1_N_CELLS", 6, "cells; there is no battery in the simulation"),
-    _fixed("BAT1_SOURCE", -1, "no battery is measured"),
+    _fixed("BAT1_N_CELLS", 6, "cells"),
+    _fixed("BAT1_SOURCE", 0, "the battery is measured"),
     _fixed("BAT1_V_CHARGED", 4.05, "V of a full cell", integer=False),
-    _fixed("BAT1_V_EMPTY", 3.6, "V of an empty cell", integer=False),
+    _fixed("BAT1_V_EMPTY", 3.3, "V of an empty cell", integer=False),
     *(_fixed(f"CAL_{sensor}0_ID", 1, "the sensor is there") for sensor in ("ACC", "GYRO", "MAG")),
     Parameter("COM_OF_LOSS_T", 1.0, 0.1, 60.0, "set points count as lost after, s"),
     Parameter("COM_RC_LOSS_T", 0.5, 0.1, 35.0, "sticks count as lost after, s"),

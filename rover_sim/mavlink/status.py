@@ -8,6 +8,7 @@ from rover_sim.mavlink.context import Context
 from rover_sim.mavlink.dialect import Message, mavlink
 from rover_sim.mavlink.dialect import mission_current as mission_current_message
 from rover_sim.mavlink.tlog import SIMULATED_EPOCH_S
+from worlds.types import BatteryReading
 
 _TEXT_BYTES = 50  # of one STATUSTEXT
 _ALWAYS = (
@@ -21,7 +22,7 @@ _ALWAYS = (
 
 
 def sys_status(context: Context) -> Message:
-    """SYS_STATUS: there is no battery in the simulation, so its fields are "unknown"."""
+    """SYS_STATUS; the fields of a rover without battery are "unknown"."""
     gps = mavlink.MAV_SYS_STATUS_SENSOR_GPS if context.gnss is not None else 0
     enabled = _ALWAYS | gps
     healthy = enabled | mavlink.MAV_SYS_STATUS_GEOFENCE
@@ -35,14 +36,45 @@ def sys_status(context: Context) -> Message:
         enabled = present
         if context.autopilot.fence.breached:
             healthy &= ~mavlink.MAV_SYS_STATUS_GEOFENCE
-    return mavlink.MAVLink_sys_status_message(present, enabled, healthy, 0, 65535, -1, -1, 0, 0, 0, 0, 0, 0)
+    voltage_mv, current_ca, left = 65535, -1, -1
+    battery = context.autopilot.battery.reading
+    if battery is not None:
+        bit = mavlink.MAV_SYS_STATUS_SENSOR_BATTERY
+        present, enabled = present | bit, enabled | bit
+        healthy |= 0 if context.autopilot.battery.level else bit
+        voltage_mv, current_ca = round(1e3 * battery.voltage_v), _centiampere(battery)
+        left = int(100.0 * battery.left_share)
+    return mavlink.MAVLink_sys_status_message(
+        present, enabled, healthy, 0, voltage_mv, current_ca, left, 0, 0, 0, 0, 0, 0
+    )
 
 
-def battery_status(_context: Context) -> Message:
-    """BATTERY_STATUS with everything unknown: QGroundControl takes it as a sign of life."""
-    unknown = (65535,) * 10
-    kind = mavlink.MAV_BATTERY_FUNCTION_UNKNOWN, mavlink.MAV_BATTERY_TYPE_UNKNOWN
-    return mavlink.MAVLink_battery_status_message(0, *kind, 32767, unknown, -1, -1, -1, -1)
+def battery_status(context: Context) -> Message:
+    """BATTERY_STATUS, of a rover without battery too: QGroundControl takes it as a sign of life."""
+    guard = context.autopilot.battery
+    voltages = [65535] * 10
+    if guard.reading is None:
+        kind = mavlink.MAV_BATTERY_FUNCTION_UNKNOWN, mavlink.MAV_BATTERY_TYPE_UNKNOWN
+        return mavlink.MAVLink_battery_status_message(0, *kind, 32767, voltages, -1, -1, -1, -1)
+    battery = guard.reading
+    kind = mavlink.MAV_BATTERY_FUNCTION_ALL, mavlink.MAV_BATTERY_TYPE_LION
+    voltages[0] = min(round(1e3 * battery.voltage_v), 65534)  # of all cells together, which are not measured one by one
+    return mavlink.MAVLink_battery_status_message(
+        0,
+        *kind,
+        32767,
+        voltages,
+        _centiampere(battery),
+        round(battery.used_mah),
+        round(battery.used_j / 100.0),
+        int(100.0 * battery.left_share),
+        min(int(3.6 * battery.left_mah / max(battery.current_a, 1e-3)), 2**31 - 1),
+        mavlink.MAV_BATTERY_CHARGE_STATE_OK + guard.level,
+    )
+
+
+def _centiampere(battery: BatteryReading) -> int:
+    return min(round(100.0 * battery.current_a), 32767)
 
 
 def extended_sys_state(context: Context) -> Message:

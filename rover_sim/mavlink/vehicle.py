@@ -28,6 +28,7 @@ from rover_sim.mavlink.parameter_server import ParameterServer
 from rover_sim.mavlink.persona import ARDUPILOT, Persona
 from rover_sim.mavlink.signing import Signing
 from rover_sim.mavlink.signing_service import SigningService
+from rover_sim.mavlink.station_service import StationService
 from rover_sim.mavlink.status import status_texts
 from rover_sim.mavlink.stick_service import StickService
 from rover_sim.mavlink.target_service import TargetService
@@ -73,6 +74,7 @@ class Vehicle:
             missions,
             MissionReader(self._context, stores, missions),
             ParameterServer(self._context),
+            StationService(self._context),
             StickService(self._context),
             TargetService(self._context),
             ClockService(self._context),

@@ -54,6 +54,9 @@ _LIMITS: Limits = {
     "mast.height_m": (0.1, 10.0),
     "scanner.forward_m": _OFFSET,
     "scanner.height_m": (0.02, 10.0),
+    "battery.capacity_Ah": (0.01, 1e4),
+    "battery.resistance_ohm": (1e-4, 10.0),
+    "battery.efficiency": (0.05, 1.0),
     "drive.max_yaw_rate_rad_s": (0.01, 20.0),
     "drive.effective_track_ratio": (1.0, 10.0),
 }
@@ -134,6 +137,14 @@ class Motor(Table, frozen=True, kw_only=True):
     idle_power_W: float = 0.0  # electronics, whole rover
 
 
+class BatteryTable(Table, frozen=True, kw_only=True):
+    """Six lithium-ion cells in a row."""
+
+    capacity_Ah: float = 20.0
+    resistance_ohm: float = 0.05  # of the pack with its wires
+    efficiency: float = 0.7  # from the battery to the axle
+
+
 class Mast(Table, frozen=True, kw_only=True):
     """Where the camera stands."""
 
@@ -165,6 +176,7 @@ class RoverModel(Table, frozen=True, kw_only=True):
     motor: Motor
     mast: Mast
     drive: Drive
+    battery: BatteryTable = BatteryTable()
     scanner: Scanner | None = None  # None: on top of the hull's foremost box, at its front edge
 
     @property

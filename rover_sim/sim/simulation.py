@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
 
 from rover_sim.sim import placement, truth
 from rover_sim.sim import world as physics
+from rover_sim.sim.battery import Battery
 from rover_sim.sim.bullet import pybullet
 from rover_sim.sim.contacts import ContactReader
 from rover_sim.sim.obstacle_bodies import ObstacleBodies
@@ -49,7 +50,9 @@ class Simulation:
         rng: np.random.Generator,
         *,
         time_step_s: float = physics.TIME_STEP_S,
+        charge: float = 1.0,
     ) -> None:
+        """``charge``: of the battery at the start, 0 to 1."""
         self.world, self.rover, self.dt = world, rover, time_step_s
         gravity = world.scenario.gravity_m_s2
         self._ground = RoverGround(world, rover)
@@ -65,6 +68,7 @@ class Simulation:
         self._recent_motion: deque[truth.Motion] = deque(maxlen=_ACCELERATION_STEPS)
         self._pushed: Vector3 = _NO_PUSH
         self._seen: VehicleState | None = None
+        self._battery = Battery(rover, charge)
         self._start_clock()
         physics.drive_wheels(self._client, self._body, self._wheel_targets, rover.motor.max_torque_Nm)
         self._read()
@@ -121,7 +125,8 @@ class Simulation:
 
     def read_sensors(self) -> SensorReadings:
         """What the rover's own sensors say now, averaged over the time since the last reading where they do so."""
-        return self._sensors.read(self.time_s, self._ground.raw, self._wheel_angles)
+        readings = self._sensors.read(self.time_s, self._ground.raw, self._wheel_angles)
+        return replace(readings, battery=self._battery.read(self.time_s, self._energy_J))
 
     def take_contacts(self) -> tuple[BodyContact, ...]:
         """Contacts of the hull with obstacles since the last call, the hardest of each obstacle."""
@@ -168,6 +173,8 @@ class Simulation:
     def _command(self, speeds: Sequence[float]) -> None:
         """Move the motors' set points toward the command, within their acceleration and speed."""
         motor = self.rover.motor
+        if self._battery.empty:
+            speeds = [0.0] * len(self._wheel_targets)
         change = motor.max_acceleration_rad_s2 * self.dt
         targets = [
             now + min(max(min(max(wish, -motor.max_speed_rad_s), motor.max_speed_rad_s) - now, -change), change)
