@@ -100,6 +100,8 @@ class GivenWay:
         if self._upload is None:
             self._upload = self._companion.drive(self._items, estimate.time_s)
             return
+        if self._companion.owns_mission is False:
+            self.stop_text = "a ground station replaced the mission"
         status = self._companion.status
         self._started = self._started or status.mode == Mode.AUTO
         if self._started and status.mode == Mode.HOLD and status.mission_state is not MissionState.COMPLETE:

@@ -12,7 +12,7 @@ from perception.tall import TallThings, ground_hue, tall_things
 from planner import navigator
 from planner.navigator import Decision, NavigatorState
 from planner.terrain_map import RockMemory
-from rover_sim.autopilot.modes import Mode, Severity
+from rover_sim.autopilot.modes import MissionState, Mode, Severity
 from rover_sim.mavlink.companion import Companion
 from rover_sim.mavlink.geodesy import LocalFrame
 from rover_sim.mavlink.plan_items import CRUISE_M_S, backing_items, risky_speed, way_items
@@ -63,6 +63,7 @@ class OnboardComputer:
         self._wanted_mode: Mode | None = None
         self._confirmed = False  # the vehicle has been seen in the wanted mode
         self._taken_over = False
+        self._stored = False  # the vehicle has been seen with the mission that was sent last
         self._stops_here = 0  # since the rover last got on
         self._stop_place_w: FloatArray | None = None
         self._texts_read_s = -1.0
@@ -129,8 +130,9 @@ class OnboardComputer:
         self.counts = replace(self.counts, plans=self.counts.plans + planned)
         self._decision = decision
         if self._taken_over:
+            self._offer(decision, estimate, time_s)
             return decision
-        if before is None or self._upload_failed() or _is_new(before, decision):
+        if before is None or self._upload_failed() or self._cleared() or _is_new(before, decision):
             self._send(decision, estimate, time_s)
         elif decision.kind == "drive" and decision.speed_m_s is not None:
             self._adjust_speed(decision.speed_m_s)
@@ -143,9 +145,13 @@ class OnboardComputer:
             self._companion.change_speed(speed_m_s)
 
     def tick(self, estimate: PoseEstimate) -> None:
-        """After each round of the link: notice when the vehicle stopped by itself, or a person changed its mode."""
+        """After each round of the link: notice when the vehicle stopped by itself, or a person took it over."""
         mode = self._companion.status.mode
-        if self._taken_over:
+        owns = self._companion.owns_mission
+        self._stored = self._stored or bool(owns)
+        if owns is False:
+            self._taken_over = True  # a person's mission, until a person clears it
+        elif self._taken_over:
             self._release(mode)
         elif mode == self._wanted_mode:
             self._confirmed = True
@@ -176,15 +182,20 @@ class OnboardComputer:
             self._want(Mode.HOLD)
 
     def _send_way(self, decision: Decision, estimate: PoseEstimate, time_s: float) -> None:
-        """Upload the way; its first point is where the rover is, and no item of the mission."""
-        ahead, height = _not_passed(decision.waypoints_w, estimate), float(estimate.pose.position_w[2])
-        self._speed_m_s = risky_speed(decision.risk) if decision.speed_m_s is None else decision.speed_m_s
-        self._drive(way_items(ahead, height, self._local, self._home_w, self._speed_m_s), time_s)
+        """Upload the way and drive it."""
+        ahead = _not_passed(decision.waypoints_w, estimate)
+        self._drive(self._way(decision, estimate), time_s)
         self.ways_w.append(np.asarray(decision.waypoints_w))
         self.counts = replace(self.counts, waypoints_sent=self.counts.waypoints_sent + len(ahead))
 
+    def _way(self, decision: Decision, estimate: PoseEstimate) -> list[WireItem]:
+        """The mission of a way; its first point is where the rover is, and no item."""
+        ahead, height = _not_passed(decision.waypoints_w, estimate), float(estimate.pose.position_w[2])
+        self._speed_m_s = risky_speed(decision.risk) if decision.speed_m_s is None else decision.speed_m_s
+        return way_items(ahead, height, self._local, self._home_w, self._speed_m_s)
+
     def _drive(self, items: list[WireItem], time_s: float) -> None:
-        self._upload = self._companion.drive(items, time_s)
+        self._upload, self._stored = self._companion.drive(items, time_s), False
         self._want(Mode.AUTO)
         self.counts = replace(self.counts, missions_sent=self.counts.missions_sent + 1)
 
@@ -193,6 +204,17 @@ class OnboardComputer:
 
     def _upload_failed(self) -> bool:
         return self._upload is not None and self._upload.state is UploadState.FAILED
+
+    def _cleared(self) -> bool:
+        """Whether a person has cleared the mission that was sent."""
+        return self._stored and self._companion.status.mission_state is MissionState.NO_MISSION
+
+    def _offer(self, decision: Decision, estimate: PoseEstimate, time_s: float) -> None:
+        """Where a person who holds the rover has cleared its mission, send ours but do not start it."""
+        waits = self._upload is not None and self._upload.state is UploadState.SENDING
+        none = self._companion.status.mission_state is MissionState.NO_MISSION
+        if none and not waits and decision.kind == "drive":
+            self._upload = self._companion.upload(self._way(decision, estimate), time_s)
 
     def _mode_lost(self, mode: int, estimate: PoseEstimate) -> None:
         """The vehicle left the wanted mode: with a grave text it was a fail-safe, without one a person."""

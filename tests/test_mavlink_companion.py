@@ -8,7 +8,7 @@ import pytest
 from rover_sim.autopilot.modes import MissionState, Mode
 from rover_sim.mavlink.commander import CommandState
 from rover_sim.mavlink.companion import Companion
-from rover_sim.mavlink.dialect import mavlink
+from rover_sim.mavlink.dialect import mavlink, mission_ack
 from rover_sim.mavlink.endpoint import Link
 from rover_sim.mavlink.faults import Faults
 from rover_sim.mavlink.memory import memory_link
@@ -170,7 +170,7 @@ def test_both_names_of_the_request_get_integer_items_and_result_13_ends_nothing(
     uploader.requested(mavlink.MAVLink_mission_request_int_message(1, 191, 0), 0.3)
     names = [type(message).__name__ for message in sent]
     assert names == ["MAVLink_mission_count_message", *["MAVLink_mission_item_int_message"] * 2]
-    uploader.acknowledged(mavlink.MAVLink_mission_ack_message(1, 191, 0), 0.4)
+    uploader.acknowledged(mission_ack(1, 191, 0, 0, 0), 0.4)
     assert upload.state is UploadState.DONE
 
 
@@ -178,7 +178,7 @@ def test_an_early_result_belongs_to_the_upload_before() -> None:
     uploader = Uploader(lambda _: None, 1, 1)
     item = WireItem(3, 16, (0, 0, 0, 0), 1, 2, 3.0)
     upload = uploader.upload([item, item], 0.0)
-    uploader.acknowledged(mavlink.MAVLink_mission_ack_message(1, 191, 0), 0.1)
+    uploader.acknowledged(mission_ack(1, 191, 0, 0, 0), 0.1)
     assert upload.state is UploadState.SENDING
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -11,9 +12,13 @@ from perception.pipeline import Knowledge, load_knowledge
 from planner import navigator
 from rover_sim.autopilot.autopilot import Autopilot
 from rover_sim.autopilot.modes import Mode
+from rover_sim.mavlink.dialect import Message, mavlink
+from rover_sim.mavlink.geodesy import LocalFrame
+from rover_sim.mavlink.plan_items import mission_items
 from rover_sim.mavlink.stack import MavlinkStack
+from rover_sim.mavlink.wire import WireItem
 from rover_sim.onboard import STOPS_ALLOWED, OnboardComputer
-from tests.mavlink_rig import FOOTPRINT, KinematicRover
+from tests.mavlink_rig import FOOTPRINT, KinematicRover, Station
 from worlds.geometry import camera_pose
 from worlds.scenario import Origin
 from worlds.types import CameraModel, Frame, GroundPlane
@@ -104,3 +109,109 @@ def test_a_person_who_sets_hold_keeps_the_rover_until_auto_is_set_again(knowledg
     drive.run(lambda: drive.onboard.plan.end is not None, 40.0)
     assert drive.onboard.plan.end is not None
     assert drive.onboard.plan.end.kind == "arrived"
+
+
+class Shared(Drive):
+    """A drive with a ground station on a link of its own; asks it as a `Yard` does."""
+
+    def __init__(self, goal_w: tuple[float, float], knowledge: Knowledge, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.station = Station()
+        monkeypatch.setattr("rover_sim.mavlink.stack.open_links", lambda *_: ([self.station.link], None))
+        super().__init__(goal_w, knowledge)
+
+    def upload(self, items: list[WireItem]) -> int:
+        """A whole upload by the person; its result."""
+        self._send(mavlink.MAVLink_mission_count_message(1, 1, len(items)))
+        while True:
+            self._tick()
+            self.station.listen(self.rover.time_s)
+            for message in self.station.take("MISSION_REQUEST_INT", "MISSION_ACK"):
+                if message.get_type() == "MISSION_ACK":
+                    return int(message.type)
+                self._send(items[message.seq].message(1, 1, message.seq))
+
+    def clear(self) -> None:
+        self._send(mavlink.MAVLink_mission_clear_all_message(1, 1))
+        self._tick()
+
+    def wait(self, seconds: float) -> None:
+        end = self.rover.time_s + seconds
+        self.run(lambda: self.rover.time_s >= end, seconds + 1.0)
+
+    def _send(self, message: Message) -> None:
+        self.station.send(message, self.rover.time_s)
+
+
+ASIDE = mission_items([(1.0, 4.0, 0.0)], LocalFrame(Origin()), HOME)
+
+
+def test_a_persons_mission_stands_until_it_is_cleared(knowledge: Knowledge, monkeypatch: pytest.MonkeyPatch) -> None:
+    drive = Shared((9.0, 0.0), knowledge, monkeypatch)
+    drive.run(lambda: drive.rover.x_m > 1.0, 20.0)
+    assert drive.upload(ASIDE) == 0
+    drive.run(lambda: drive.onboard.doing == "taken over", 1.0)
+    sent = drive.onboard.counts.missions_sent
+    drive.run(lambda: drive.rover.y_m > 3.0, 40.0)  # it is driven, in Auto, and to its end
+    drive.wait(10.0)
+    assert drive.onboard.counts.missions_sent == sent
+    assert [item.x for item in drive.stack.vehicle.store.items] == [item.x for item in ASIDE]
+    refused = drive.stack.companion.upload(ASIDE[:1], drive.rover.time_s)  # even if it tried
+    drive.wait(1.0)
+    assert "denied" in refused.reason
+    drive.clear()
+    drive.run(lambda: drive.onboard.plan.end is not None, 60.0)
+    assert drive.onboard.plan.end is not None
+    assert drive.onboard.plan.end.kind == "arrived"
+
+
+def test_in_hold_a_cleared_mission_is_offered_again_and_auto_starts_it(
+    knowledge: Knowledge, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    drive = Shared((9.0, 0.0), knowledge, monkeypatch)
+    drive.run(lambda: drive.rover.x_m > 1.0, 20.0)
+    drive.autopilot.set_mode(Mode.HOLD)
+    drive.upload(ASIDE)
+    drive.wait(2.0)
+    drive.clear()
+    drive.wait(3.0)
+    assert drive.autopilot.mode is Mode.HOLD
+    assert drive.onboard.doing == "taken over"
+    assert drive.stack.vehicle.store.items  # the planner's, so that Auto is possible
+    assert drive.autopilot.set_mode(Mode.AUTO) is None
+    drive.run(lambda: drive.onboard.plan.end is not None, 60.0)
+
+
+def test_a_person_goes_first_in_the_middle_of_the_planners_upload(
+    knowledge: Knowledge, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    drive = Shared((9.0, 0.0), knowledge, monkeypatch)
+    drive.run(lambda: drive.rover.x_m > 1.0, 20.0)
+    way = mission_items([(2.0 + 0.1 * step, 0.0, 0.0) for step in range(60)], LocalFrame(Origin()), HOME)
+    upload = drive.stack.companion.upload(way, drive.rover.time_s)
+    drive.wait(0.3)
+    assert upload.state == "sending"
+    assert drive.upload(ASIDE) == 0
+    assert (upload.state, upload.reason) == ("failed", "cancelled by the vehicle")
+    assert [item.x for item in drive.stack.vehicle.store.items] == [item.x for item in ASIDE]
+
+
+def test_what_the_person_cleared_under_way_is_sent_again(knowledge: Knowledge, monkeypatch: pytest.MonkeyPatch) -> None:
+    drive = Shared((9.0, 0.0), knowledge, monkeypatch)
+    drive.run(lambda: drive.rover.x_m > 1.0, 20.0)
+    drive.clear()
+    assert not drive.stack.vehicle.store.items
+    drive.run(lambda: bool(drive.stack.vehicle.store.items), 2.0)
+    drive.run(lambda: drive.onboard.plan.end is not None, 60.0)
+
+
+def test_ground_stations_see_each_new_plan_by_its_id_and_no_plan_is_sent_twice(
+    knowledge: Knowledge, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    drive = Shared((9.0, 0.0), knowledge, monkeypatch)
+    drive.run(lambda: drive.rover.x_m > 3.0, 30.0)
+    drive.onboard.plan = navigator.note_trouble(drive.onboard.plan, drive.rover.estimate())  # something to plan around
+    drive.run(lambda: drive.onboard.plan.end is not None, 90.0)
+    drive.station.listen(drive.rover.time_s)
+    ids = [message.mission_id for message in drive.station.take("MISSION_CURRENT")]
+    seen = [after for before, after in pairwise(ids) if after != before]
+    assert len(seen) == len(set(seen)) == drive.onboard.counts.missions_sent

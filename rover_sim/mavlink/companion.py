@@ -16,7 +16,7 @@ from rover_sim.mavlink.wire import WireItem
 
 COMPONENT = int(mavlink.MAV_COMP_ID_ONBOARD_COMPUTER)
 LINK_LOST_S = 3.5  # the silence after which QGroundControl gives a vehicle up
-_LAST_TEXTS = 20
+_LAST_TEXTS, _LAST_UPLOADS = 20, 8
 
 
 @dataclass(frozen=True)
@@ -28,6 +28,7 @@ class CompanionStatus:
     armed: bool = False
     current: int | None = None
     mission_state: MissionState | None = None
+    mission_id: int = 0  # of the mission that the vehicle has; 0: none, or it tells no ids
     reached: tuple[int, ...] = ()  # items of the mission uploaded last
     texts: tuple[tuple[float, int, str], ...] = ()  # time, severity, text; oldest first
 
@@ -46,6 +47,7 @@ class Companion:
         self._time_s = 0.0
         self._beat_s: float | None = None
         self._to_drive: Upload | None = None
+        self._uploads: deque[Upload] = deque(maxlen=_LAST_UPLOADS)
         self._handlers: Mapping[str, Callable[[Message], None]] = {
             "HEARTBEAT": self._heartbeat,
             "MISSION_CURRENT": self._mission_current,
@@ -68,11 +70,18 @@ class Companion:
         heard = self._status.heard_s
         return heard is not None and self._time_s - heard <= LINK_LOST_S
 
+    @property
+    def owns_mission(self) -> bool | None:
+        """Whether the vehicle's mission was uploaded here; None without a mission, or where ids are not told."""
+        held = self._status.mission_id
+        return None if held == 0 else any(upload.opaque_id == held for upload in self._uploads)
+
     def upload(self, items: Sequence[WireItem], time_s: float) -> Upload:
         """Send a mission; while another is on its way it waits, and only the newest waits."""
         self._to_drive = None
         self._status = replace(self._status, reached=())
-        return self._uploader.upload(items, time_s)
+        self._uploads.append(self._uploader.upload(items, time_s))
+        return self._uploads[-1]
 
     def drive(self, items: Sequence[WireItem], time_s: float) -> Upload:
         """Send a mission and, once the vehicle has it whole, arm and start where that is not so already."""
@@ -144,7 +153,7 @@ class Companion:
     def _mission_current(self, message: Message) -> None:
         known = message.mission_state in set(MissionState)
         state = MissionState(message.mission_state) if known else None
-        self._status = replace(self._status, current=message.seq, mission_state=state)
+        self._status = replace(self._status, current=message.seq, mission_state=state, mission_id=message.mission_id)
 
     def _reached(self, message: Message) -> None:
         if message.seq not in self._status.reached:

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from rover_sim.mavlink.dialect import Message, mavlink
+from rover_sim.mavlink.plan_ids import plan_id
 from rover_sim.mavlink.wire import WireItem
 
 RETRY_S = 1.5
@@ -44,6 +45,7 @@ class Upload:
     items: tuple[WireItem, ...]
     state: UploadState = UploadState.SENDING
     reason: str = ""
+    opaque_id: int = 0  # that the vehicle gives it
 
 
 class Uploader:
@@ -67,7 +69,7 @@ class Uploader:
     def upload(self, items: Sequence[WireItem], time_s: float) -> Upload:
         """Begin an upload, or let it wait for the end of the one in progress."""
         self._count += 1
-        upload = Upload(self._count, tuple(items))
+        upload = Upload(self._count, tuple(items), opaque_id=plan_id(items))  # as our own vehicle will make it
         if self._waiting is not None:
             self._waiting.state = UploadState.REPLACED
             self._waiting = None
@@ -104,6 +106,7 @@ class Uploader:
         if message.type != mavlink.MAV_MISSION_ACCEPTED:
             self._end(UploadState.FAILED, _RESULTS.get(message.type, f"refused with result {message.type}"), time_s)
         elif not self._active.items or self._last == len(self._active.items) - 1:
+            self._active.opaque_id = message.opaque_id or self._active.opaque_id
             self._end(UploadState.DONE, "", time_s)  # an earlier one belongs to the upload before
 
     def _begin(self, upload: Upload, time_s: float) -> None:
