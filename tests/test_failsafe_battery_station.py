@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import msgspec
+import numpy as np
 import pytest
 
 from rover_sim.autopilot.modes import Mode
@@ -11,7 +13,9 @@ from rover_sim.mavlink.dialect import Message, mavlink
 from rover_sim.mavlink.persona import ARDUPILOT, GENERIC, PX4, Persona
 from rover_sim.sim.battery import CELLS, Battery
 from rover_sim.sim.rover import load_rover
+from rover_sim.sim.simulation import Simulation
 from tests.mavlink_rig import Station, Yard
+from tests.sim_factory import make_world, slope
 from tests.test_mavlink_fence import POINTS, RALLY
 from tests.test_mavlink_mission import ITEMS, upload
 from tests.test_mavlink_persona import command, result
@@ -257,3 +261,29 @@ def test_an_empty_battery_is_empty_and_an_impossible_load_gets_the_most_there_is
     assert 0.0 < reading.voltage_v < 12.0
     reading = battery.read(3600.0, 2e6)
     assert (battery.empty, reading.left_share) == (True, 0.0)
+
+
+def _drive(charge: float, seconds: float) -> tuple[BatteryReading, float, float]:
+    """The battery after a drive on level ground, the work that was done and the way that was made."""
+    world = make_world(slope(0.0), "firm")
+    rover = msgspec.structs.replace(world.scenario.rover, charge=charge)
+    world = replace(world, scenario=msgspec.structs.replace(world.scenario, rover=rover))
+    with Simulation(world, load_rover("husky"), np.random.default_rng(0)) as simulation:
+        readings = simulation.read_sensors()
+        for step in range(int(240 * seconds)):
+            simulation.step([4.0] * 4)
+            if step % 5 == 4:
+                readings = simulation.read_sensors()
+        assert readings.battery is not None
+        return readings.battery, simulation.state.energy_J, float(simulation.state.pose.position_w[0])
+
+
+def test_driving_drains_the_simulated_battery_and_an_empty_one_moves_nothing() -> None:
+    reading, energy_J, way_m = _drive(1.0, 3.0)
+    assert way_m > 1.0
+    assert reading.used_j > energy_J  # losses between battery and axle
+    assert 0.0 < reading.used_mah < 20.0
+    assert reading.current_a > 1.5
+    reading, _, way_m = _drive(0.0, 1.0)
+    assert reading.left_share == 0.0
+    assert abs(way_m) < 0.01

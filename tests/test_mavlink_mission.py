@@ -355,3 +355,25 @@ def test_loiter_jump_delay_home_and_fence_items_are_taken(yard: Yard, station: S
         SetHome(),
         SetFence(on=True),
     )
+
+
+def test_of_two_stations_at_once_one_wins_whole_and_the_other_is_told(
+    yard: Yard, station: Station, other: Station
+) -> None:
+    """The first is cut off in the middle; the second is told, tries again, and wins whole."""
+    before = mission_items([(1.0, 1.0, 0.0)], FRAME, (0.0, 0.0, 0.0))
+    upload(yard, station, before)
+    talk(yard, station, count(3))
+    assert talk(yard, other, count(2)) == ([], [DENIED])
+    assert talk(yard, station, put(0)) == ([1], [])
+    assert talk(yard, other, put(0, OTHER[0])) == ([], [DENIED])
+    for _ in range(8):  # the first is gone; the second keeps trying
+        yard.step(0.9)
+        assert [item.x for item in yard.vehicle.store.items] == [item.x for item in before]
+        assert talk(yard, other, count(2)) == ([], [DENIED])
+    yard.step(1.0)
+    assert results(station.take("MISSION_ACK"))[-1] == CANCELLED
+    assert upload(yard, other, OTHER) == [ACCEPTED]
+    assert [item.x for item in yard.vehicle.store.items] == [item.x for item in OTHER]
+    assert talk(yard, station, put(1)) == ([], [CANCELLED])  # back again, and told what became of it
+    assert [item.x for item in yard.vehicle.store.items] == [item.x for item in OTHER]

@@ -98,6 +98,7 @@ class RoverChoice(_Table, frozen=True):
     model: str = "husky"
     start_m: tuple[float, float] = (0.0, 0.0)
     heading_deg: float = 0.0
+    charge: float = 1.0  # of the battery at the start
 
 
 class Goal(_Table, frozen=True):
@@ -196,6 +197,7 @@ LIMITS: dict[str, tuple[float, float]] = {
     "soil.patch.yaw_deg": (-360.0, 360.0),
     "rover.start_m": (-1e5, 1e5),
     "rover.heading_deg": (-360.0, 360.0),
+    "rover.charge": (0.0, 1.0),
     "goal.position_m": (-1e5, 1e5),
     "goal.radius_m": (0.05, 100.0),
     "goal.time_limit_s": (1.0, 1e6),

@@ -50,9 +50,7 @@ class Simulation:
         rng: np.random.Generator,
         *,
         time_step_s: float = physics.TIME_STEP_S,
-        charge: float = 1.0,
     ) -> None:
-        """``charge``: of the battery at the start, 0 to 1."""
         self.world, self.rover, self.dt = world, rover, time_step_s
         gravity = world.scenario.gravity_m_s2
         self._ground = RoverGround(world, rover)
@@ -68,7 +66,7 @@ class Simulation:
         self._recent_motion: deque[truth.Motion] = deque(maxlen=_ACCELERATION_STEPS)
         self._pushed: Vector3 = _NO_PUSH
         self._seen: VehicleState | None = None
-        self._battery = Battery(rover, charge)
+        self._battery = Battery(rover, world.scenario.rover.charge)
         self._start_clock()
         physics.drive_wheels(self._client, self._body, self._wheel_targets, rover.motor.max_torque_Nm)
         self._read()
