@@ -164,6 +164,20 @@ def test_a_persons_mission_stands_until_it_is_cleared(knowledge: Knowledge, monk
     assert drive.onboard.plan.end.kind == "arrived"
 
 
+def test_the_planners_own_mission_sent_back_unchanged_stays_its_own(
+    knowledge: Knowledge, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    drive = Shared((9.0, 0.0), knowledge, monkeypatch)
+    drive.run(lambda: drive.rover.x_m > 1.0, 20.0)
+    assert drive.upload(list(drive.stack.vehicle.store.items)) == 0
+    drive.wait(0.5)
+    assert drive.onboard.doing == "drive"
+    assert drive.stack.companion.upload(ASIDE, drive.rover.time_s).state == "sending"
+    drive.run(lambda: drive.stack.companion.owns_mission is True, 2.0)
+    drive.wait(1.0)
+    assert [item.x for item in drive.stack.vehicle.store.items] == [item.x for item in ASIDE]
+
+
 def test_in_hold_a_cleared_mission_is_offered_again_and_auto_starts_it(
     knowledge: Knowledge, monkeypatch: pytest.MonkeyPatch
 ) -> None:

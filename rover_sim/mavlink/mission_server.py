@@ -101,10 +101,11 @@ class MissionServer:
 
     def write(self, client: Client, kind: int, items: Sequence[WireItem]) -> None:
         """Replace a list that the client has claimed; raises RefusedItemError."""
-        self._stores[kind].replace(items)
-        if self._is_planner(client) or not self._stores[kind].items:
+        store, before = self._stores[kind], self._stores[kind].opaque_id
+        store.replace(items)
+        if self._is_planner(client) or not store.items:
             self._held.discard(kind)
-        else:
+        elif store.opaque_id != before:  # the planner's own, sent back as it was, stays the planner's
             self._held.add(kind)
 
     def _begin(self, client: Client, message: Message) -> None:
