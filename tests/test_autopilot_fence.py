@@ -123,6 +123,7 @@ def test_the_circle_about_home_and_the_switches() -> None:
     assert drive.autopilot.parameters.set("FENCE_TYPE", 4)
     assert drive.autopilot.allows((5.1, 0.0, 0.0))
     assert not drive.autopilot.fence.on  # the list is empty
+    assert drive.autopilot.arm() == "the fence is switched on, but there is none"
     drive.autopilot.fence.fence = Fence((SQUARE,))
     assert not drive.autopilot.allows((4.5, 0.0, 0.0))
     assert drive.autopilot.parameters.set("FENCE_ENABLE", 0)

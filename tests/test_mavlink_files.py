@@ -12,11 +12,12 @@ from rover_sim.errors import InputError
 from rover_sim.mavlink.dialect import Parser
 from rover_sim.mavlink.geodesy import LocalFrame
 from rover_sim.mavlink.mission_file import read_plan, read_plan_areas, read_waypoints, write_plan, write_waypoints
+from rover_sim.mavlink.persona import ARDUPILOT, PX4, Persona
 from rover_sim.mavlink.plan_items import backing_items, mission_items, turning_items
 from rover_sim.mavlink.stack import MavlinkStack
 from rover_sim.mavlink.tlog import SIMULATED_EPOCH_S, TlogWriter, read_tlog
 from rover_sim.mavlink.wire import WireItem
-from tests.mavlink_rig import FOOTPRINT, KinematicRover
+from tests.mavlink_rig import FOOTPRINT, KinematicRover, Yard
 from tests.test_mavlink_fence import PLAN, POINTS
 from worlds.scenario import Origin
 
@@ -105,6 +106,26 @@ def test_bad_areas_of_a_plan_are_one_line(tmp_path: Path, text: str) -> None:
     with pytest.raises(InputError, match="geoFence") as caught:
         read_plan_areas(path)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("persona", [ARDUPILOT, PX4])
+def test_a_plan_is_taken_over_as_if_it_were_uploaded(tmp_path: Path, persona: Persona) -> None:
+    mission = mission_items([(2.0, 0.0, 0.0), (2.0, 2.0, 0.0)], FRAME, HOME)
+    write_plan(tmp_path / "a.plan", mission, 0.6, PLAN, POINTS)
+    yard = Yard(persona=persona)
+    yard.vehicle.load_plan(tmp_path / "a.plan")
+    assert [item.x for item in yard.vehicle.store.items] == [item.x for item in mission[persona is PX4 :]]
+    assert (list(yard.vehicle.fence.items), list(yard.vehicle.rally.items)) == (PLAN, POINTS)
+    yard.vehicle.save_plans(tmp_path / "b.waypoints", tmp_path / "b.plan")
+    a, b = (json.loads((tmp_path / name).read_text()) for name in ("a.plan", "b.plan"))
+    assert (b["mission"]["items"], b["geoFence"]) == (a["mission"]["items"], a["geoFence"])
+    assert b["rallyPoints"] == a["rallyPoints"]
+    write_plan(tmp_path / "c.plan", mission[:1], 0.6)
+    yard.vehicle.load_plan(tmp_path / "c.plan")
+    assert yard.vehicle.store.items == yard.vehicle.fence.items == ()
+    write_plan(tmp_path / "d.plan", mission, 0.6, PLAN[:0], [WireItem(3, 5100, (0, 0, 0, 0), -384064000, 0, 0.0)])
+    with pytest.raises(InputError, match=r"d.plan: rally, item 0 \(command 5100\): refused with result 5"):
+        yard.vehicle.load_plan(tmp_path / "d.plan")
 
 
 def test_nan_is_null_in_a_plan(tmp_path: Path) -> None:

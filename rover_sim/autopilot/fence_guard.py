@@ -28,6 +28,13 @@ class FenceGuard:
         rules = self._rules
         return rules.on and (rules.radius_m < NO_FENCE_M or (rules.list_on and bool(self.fence.areas)))
 
+    def unfit(self, position_w: FloatArray | Vector3, home_w: Vector3) -> str | None:
+        """Why a rover at this place must not be armed."""
+        if not self.allows(position_w, home_w):
+            return "outside of the fence"
+        missing = self._rules.on and self._rules.must_exist and not self.on
+        return "the fence is switched on, but there is none" if missing else None
+
     def clearance_m(self, position_w: FloatArray | Vector3, home_w: Vector3) -> float:
         """How far a place is inside of what is allowed, below 0 outside; `NO_FENCE_M` without a fence."""
         rules, x_m, y_m = self._rules, float(position_w[0]), float(position_w[1])

@@ -75,6 +75,7 @@ class FenceRules:
     margin_m: float
     any_inclusion: bool
     response: Response
+    must_exist: bool = False  # where it is on, arming without any line is refused
 
 
 def fence_rules(parameters: ParameterTable) -> FenceRules:
@@ -97,6 +98,7 @@ def fence_rules(parameters: ParameterTable) -> FenceRules:
         margin_m=parameters["FENCE_MARGIN"],
         any_inclusion=bool(int(parameters["FENCE_OPTIONS"]) & _UNION),
         response=_ARDUPILOT_ACTIONS[int(parameters["FENCE_ACTION"])],
+        must_exist=True,
     )
 
 

@@ -38,6 +38,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
         )
     parser.add_argument("--params", type=Path, metavar="FILE", help="take parameters from FILE and keep changes there")
     parser.add_argument(
+        "--plan", type=Path, metavar="FILE", help="begin with mission, fence and rally points of a .plan file"
+    )
+    parser.add_argument(
         "--signing-key", type=Path, metavar="FILE", help="sign, and obey signed frames only; key or passphrase in FILE"
     )
     parser.add_argument(
@@ -74,6 +77,8 @@ def execute(args: argparse.Namespace) -> int:
         with live.LiveRover(
             world, rover, TABLE[args.persona], urls, folder / live.TLOG, faults, args.params, signing
         ) as vehicle:
+            if args.plan is not None:
+                vehicle.vehicle.load_plan(args.plan)
             print(f"rover-sim serve: {args.persona} rover on {', '.join(urls)}; Ctrl-C ends", file=sys.stderr)  # noqa: T201
             inside = vehicle.run(stopped, show)
             vehicle.save(folder)

@@ -26,6 +26,7 @@ from rover_sim.mavlink.mission_server import MissionServer
 from rover_sim.mavlink.mission_store import MissionStore
 from rover_sim.mavlink.parameter_server import ParameterServer
 from rover_sim.mavlink.persona import ARDUPILOT, Persona
+from rover_sim.mavlink.plan_loading import load_plan
 from rover_sim.mavlink.signing import Signing
 from rover_sim.mavlink.signing_service import SigningService
 from rover_sim.mavlink.station_service import StationService
@@ -107,6 +108,11 @@ class Vehicle:
             service.tick()
         if self._camera is not None:
             self._camera.tick()
+
+    def load_plan(self, path: Path) -> None:
+        """Take over mission, fence and rally points of a plan file; raises InputError."""
+        stores = (self.store, self.fence, self.rally)
+        load_plan(path, stores, home_first=self._context.persona.home_first)
 
     def save_plans(self, waypoints: Path, plan: Path) -> None:
         """Write the mission in both of the ground stations' formats; the plan has fence and rally points too."""

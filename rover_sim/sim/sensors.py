@@ -12,7 +12,7 @@ import numpy as np
 
 from rover_sim.sim.rover import RoverModel
 from worlds.geometry import rotation_from_quaternion, wrap_angle
-from worlds.types import FloatArray, GnssReading, ImuReading, SensorReadings, Vector3
+from worlds.types import BatteryReading, FloatArray, GnssReading, ImuReading, SensorReadings, Vector3
 
 _ACCELERATION_BIAS_SD = 0.02  # m/s^2, calibrated MEMS
 _ACCELERATION_NOISE_SD = 0.03
@@ -45,7 +45,9 @@ class Sensors:
         self._next_fix = 0
         self._last = None
 
-    def read(self, time_s: float, raw: FloatArray, wheel_angles_rad: Sequence[float]) -> SensorReadings:
+    def read(
+        self, time_s: float, raw: FloatArray, wheel_angles_rad: Sequence[float], battery: BatteryReading
+    ) -> SensorReadings:
         """Readings now; a second call at the same time repeats them."""
         if self._last is not None and time_s <= self._last.time_s:
             return self._last
@@ -54,7 +56,7 @@ class Sensors:
         imu = self._imu(rotation, raw, span)
         speeds = self._wheel_speeds(wheel_angles_rad, span)
         self._time_s, self._velocity = time_s, raw[7:10].copy()
-        self._last = SensorReadings(time_s, imu, speeds, self._fix(time_s, rotation, raw))
+        self._last = SensorReadings(time_s, imu, speeds, self._fix(time_s, rotation, raw), battery)
         return self._last
 
     def _imu(self, rotation: FloatArray, raw: FloatArray, span: float) -> ImuReading:

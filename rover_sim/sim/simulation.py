@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
@@ -123,8 +123,8 @@ class Simulation:
 
     def read_sensors(self) -> SensorReadings:
         """What the rover's own sensors say now, averaged over the time since the last reading where they do so."""
-        readings = self._sensors.read(self.time_s, self._ground.raw, self._wheel_angles)
-        return replace(readings, battery=self._battery.read(self.time_s, self._energy_J))
+        battery = self._battery.read(self.time_s, self._energy_J)
+        return self._sensors.read(self.time_s, self._ground.raw, self._wheel_angles, battery)
 
     def take_contacts(self) -> tuple[BodyContact, ...]:
         """Contacts of the hull with obstacles since the last call, the hardest of each obstacle."""
