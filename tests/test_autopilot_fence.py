@@ -101,6 +101,18 @@ def test_arming_outside_is_refused_with_its_reason() -> None:
     assert (drive.autopilot.mode, drive.autopilot.fence.breaches) == (Mode.RETURN, 1)
 
 
+def test_a_pose_that_is_no_number_is_neither_inside_nor_outside() -> None:
+    drive = fenced(SQUARE, FENCE_ACTION=2)
+    drive.begin(DriveTo((3.9, 0.0, 0.0)))
+    drive.until(lambda: drive.rover.x_m > 1.0)
+    drive.rover.x_m = 4.5
+    drive.step()
+    drive.rover.x_m = math.nan
+    drive.step()
+    assert drive.autopilot.fence.breached
+    assert np.isfinite(drive.autopilot.returns.track.crumbs_w).all()
+
+
 def test_targets_and_missions_outside_are_refused() -> None:
     drive = fenced(SQUARE, PIT)
     assert drive.autopilot.arm() is None
