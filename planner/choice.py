@@ -39,6 +39,7 @@ class Place:
     slope_deg: float = 0.0
     bold: bool = False  # may turn over ground that was never seen
     speed_m_s: float = 0.0
+    downhill_w: tuple[float, float] = (0.0, 0.0)  # of the general slope, rise over run
 
 
 @dataclass(frozen=True)
@@ -189,9 +190,16 @@ def _towards(
         place.heading_rad,
         models.drive.need_m(models.footprint, squeeze=squeeze),
         end_cost,
-        turn_range(table_w, None if place.bold else memory.cells, position, place.heading_rad, models.footprint),
+        _room(memory, table_w, place, models),
     )
     return search(table_w, memory.cells, task, models.drive, models.rows)
+
+
+def _room(memory: TerrainMemory, table_w: FloatArray, place: Place, models: Models) -> tuple[float, float]:
+    """How far the rover can turn on the spot where it stands."""
+    cells = None if place.bold else memory.cells
+    position = np.asarray(place.position_w)
+    return turn_range(table_w, cells, position, place.heading_rad, models.footprint, place.downhill_w)
 
 
 def _distance_to(place: Place) -> EndCost:
@@ -250,9 +258,7 @@ def _ahead(
     position = np.asarray(place.position_w)
     way = field.way(position, 1.0)
     wanted = np.arctan2(*(way[-1] - position)[::-1]) - place.heading_rad
-    right, left = turn_range(
-        table_w, None if place.bold else memory.cells, position, place.heading_rad, models.footprint
-    )
+    right, left = _room(memory, table_w, place, models)
     heading = place.heading_rad + float(np.clip((wanted + np.pi) % (2 * np.pi) - np.pi, right, left))
     for distance in AHEAD_M:
         target = position + distance * np.array([np.cos(heading), np.sin(heading)])

@@ -25,6 +25,8 @@ class Command:
 
 
 STOP = Command(0.0, 0.0)
+SPINNING_SLIP, ROLLING_SLIP = 0.55, 0.35  # of the outer side of a bend
+PUSH_M_S = 0.4  # over what stops the outer side
 LEAST_COURSE_M_S = 0.1  # a slower rover has no course that could be told
 MOST_DRIFT_RAD = float(np.deg2rad(25.0))
 
@@ -95,6 +97,20 @@ def follow_path(
     speed = _speed(curvature, max(to_end, left), footprint, limits)
     rate = _clamp(speed * curvature, footprint.max_yaw_rate_rad_s)
     return Command(-speed if reverse else speed, rate), following
+
+
+def relieve(command: Command, slips: tuple[float, float], *, spinning: bool) -> tuple[Command, bool]:
+    """A bend whose outer wheels spin becomes straight until they roll again; and whether they still spin.
+
+    ``slips``: of the left and right side, see `planner.monitor`; ``spinning``: what the last call said. In a bend the
+    outer side carries nearly all: against a low rock uphill it spins, and the slower inner side turns the rover the
+    wrong way. With both sides at one speed four wheels push.
+    """
+    outer_is_right = (command.yaw_rate_rad_s > 0.0) == (command.linear_m_s > 0.0)
+    limit = ROLLING_SLIP if spinning else SPINNING_SLIP
+    if command.linear_m_s == 0.0 or slips[outer_is_right] < limit:
+        return command, False
+    return Command(float(np.copysign(max(abs(command.linear_m_s), PUSH_M_S), command.linear_m_s)), 0.0), True
 
 
 def turn_to(heading_rad: float, pose: PoseEstimate, footprint: Footprint, limits: Limits) -> tuple[Command, bool]:

@@ -84,6 +84,7 @@ class NavigatorState:
     ladder: Ladder = Ladder()  # noqa: RUF009 - frozen
     end: Decision | None = None
     slope_rad: float = 0.0  # smoothed
+    downhill_w: tuple[float, float] = (0.0, 0.0)  # rise over run, smoothed
     travelled_m: float = 0.0
     place_w: tuple[float, float] | None = None
     best_m: float = np.inf  # nearest to the goal so far
@@ -171,7 +172,8 @@ def _by_laser(
     turn = turn_onto(rest, place)
     if abs(turn) > TURN_ON_SPOT_RAD and state.ladder.place_w is None:  # once a place: the second time it must do
         around = np.vstack([table, laser.obstacles(np.asarray(place.position_w), AROUND_M, models.drive.sd_share)])
-        right, left = turn_range(around, None, np.asarray(place.position_w), place.heading_rad, models.footprint)
+        position, heading = np.asarray(place.position_w), place.heading_rad
+        right, left = turn_range(around, None, position, heading, models.footprint, place.downhill_w)
         if not right <= turn <= left:
             backing = replace(state, ladder=replace(state.ladder, back_first=True))
             return _recover(backing, choice, around, place, time_s)
@@ -222,7 +224,10 @@ def _take_in(
     moved = 0.0 if state.place_w is None else float(np.hypot(*(place - state.place_w)))
     travelled = state.travelled_m + moved
     distance = float(np.hypot(*(place - state.goal_w)))
-    tilt = float(np.arccos(np.clip(rotation_from_quaternion(estimate.pose.quaternion_w)[2, 2], -1.0, 1.0)))
+    up = rotation_from_quaternion(estimate.pose.quaternion_w)[:, 2]
+    tilt = float(np.arccos(np.clip(up[2], -1.0, 1.0)))
+    share = 1.0 - float(np.exp(-moved / 1.0))
+    downhill = np.asarray(state.downhill_w) + share * (up[:2] / max(up[2], 0.5) - state.downhill_w)
     better = distance < state.best_m - 0.25
     yaw = euler_from_quaternion(estimate.pose.quaternion_w)[2]
     return replace(
@@ -231,7 +236,8 @@ def _take_in(
         track_w=note(state.track_w, (float(place[0]), float(place[1]), yaw)),
         travelled_m=travelled,
         place_w=(float(place[0]), float(place[1])),
-        slope_rad=state.slope_rad + (1.0 - np.exp(-moved / 1.0)) * (tilt - state.slope_rad),
+        slope_rad=state.slope_rad + share * (tilt - state.slope_rad),
+        downhill_w=(float(downhill[0]), float(downhill[1])),
         best_m=distance if better else state.best_m,
         best_at_m=travelled if better else state.best_at_m,
         # Backing out is part of the ladder: only driving on gets the rover away from it.
@@ -243,7 +249,8 @@ def _place(state: NavigatorState, estimate: PoseEstimate) -> Place:
     x, y = (float(value) for value in estimate.pose.position_w[:2])
     yaw = euler_from_quaternion(estimate.pose.quaternion_w)[2]
     slope_deg, speed = float(np.rad2deg(state.slope_rad)), float(np.linalg.norm(estimate.velocity_w[:2]))
-    return Place((x, y), yaw, state.goal_w, state.goal_radius_m, slope_deg, state.ladder.bold, speed)
+    bold, downhill = state.ladder.bold, state.downhill_w
+    return Place((x, y), yaw, state.goal_w, state.goal_radius_m, slope_deg, bold, speed, downhill)
 
 
 def _table(state: NavigatorState) -> FloatArray:

@@ -135,7 +135,8 @@ def _back(
     last = int(np.argmax(apart >= min(least_m, apart.max())))
     for end in range(last, len(poses), 2):
         x, y, heading = poses[end]
-        right, left = turn_range(table_w, None if place.bold else cells, np.array([x, y]), heading, footprint)
+        known = None if place.bold else cells
+        right, left = turn_range(table_w, known, np.array([x, y]), heading, footprint, place.downhill_w)
         if min(-right, left) >= ROOM_TO_TURN_RAD:
             last = end
             break
@@ -181,7 +182,6 @@ def _possible_turn(
 ) -> float:
     """Turn towards a heading, as far as there is room for the body."""
     wanted = wrap_angle(heading_rad - place.heading_rad)
-    right, left = turn_range(
-        table_w, None if place.bold else cells, np.asarray(place.position_w), place.heading_rad, footprint
-    )
+    known, position = None if place.bold else cells, np.asarray(place.position_w)
+    right, left = turn_range(table_w, known, position, place.heading_rad, footprint, place.downhill_w)
     return float(np.clip(wanted, right, left))

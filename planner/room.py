@@ -10,27 +10,37 @@ from planner.room_kernels import free_turns
 from worlds.types import FloatArray, Footprint
 
 GAP_M = 0.04  # between body and rock while turning
+SLIDE_M_RAD = 1.5  # of way downhill for each radian of turn, where the ground rises by a metre a metre
 STEP_RAD = float(np.deg2rad(5.0))
 _RIM_RAD = np.linspace(0.0, 2.0 * np.pi, 16, endpoint=False)
 RIM = np.concatenate([share * np.stack([np.cos(_RIM_RAD), np.sin(_RIM_RAD)], axis=1) for share in (0.75, 0.95)])
 
 
 def turn_range(
-    table_w: FloatArray, cells: GroundCells | None, place_w: FloatArray, heading_rad: float, footprint: Footprint
+    table_w: FloatArray,
+    cells: GroundCells | None,
+    place_w: FloatArray,
+    heading_rad: float,
+    footprint: Footprint,
+    downhill_w: tuple[float, float] = (0.0, 0.0),
 ) -> tuple[float, float]:
     """How far the body can turn on the spot to the right (<= 0) and left (>= 0), radians.
 
     It must meet no hard rock, nor, where ``cells`` are given, ground that was never seen: the camera looks elsewhere
     than where the corners sweep. What the body's outline holds already is left out: it is under the belly, or the map
-    is wrong.
+    is wrong. ``downhill_w``: downhill direction, as long as the slope is steep (rise over run); soft ground lets a
+    turning rover slide.
     """
     half_length, half_width = footprint.length_m / 2 + GAP_M, footprint.width_m / 2 + GAP_M
-    hard = near(table_w, place_w, 1.6)
+    slide = SLIDE_M_RAD * np.asarray(downhill_w)
+    hard = near(table_w, place_w, 1.6 + np.pi * float(np.hypot(*slide)))
     hard = hard[hard[:, 6] > 0.5]
     if cells is not None:
         hard = np.vstack([hard, _unseen(cells, place_w, float(np.hypot(half_length, half_width)))])
     local = in_frame(hard, Frame2((float(place_w[0]), float(place_w[1])), heading_rad))
-    right, left = free_turns(local, half_length, half_width, STEP_RAD)
+    cos, sin = np.cos(heading_rad), np.sin(heading_rad)
+    slide_b = np.array([slide[0] * cos + slide[1] * sin, slide[1] * cos - slide[0] * sin])
+    right, left = free_turns(local, half_length, half_width, STEP_RAD, slide_b)
     return float(right), float(left)
 
 

@@ -11,16 +11,20 @@ from worlds.types import BoolArray, FloatArray
 
 
 @nb.njit(cache=True)
-def free_turns(local: FloatArray, half_length: float, half_width: float, step: float) -> tuple[float, float]:
+def free_turns(
+    local: FloatArray, half_length: float, half_width: float, step: float, slide: FloatArray
+) -> tuple[float, float]:
     """How far a body can turn to the right (<= 0) and left (>= 0) without meeting obstacles (N, 7) in its frame.
 
-    What it holds before it turns is left out. Long obstacles are sampled as three discs.
+    What it holds before it turns is left out. Long obstacles are sampled as three discs. ``slide`` (2,): how far the
+    body moves in its first frame for each radian that it turns to either side.
     """
-    held = meets(local, 0.0, half_length, half_width)
+    held = meets(local, 0.0, half_length, half_width, 0.0, 0.0)
     right, left = -pi, pi
     for side in (-1.0, 1.0):
         for k in range(1, int(pi / step + 1e-9) + 1):
-            hit = meets(local, side * k * step, half_length, half_width)
+            turned = k * step
+            hit = meets(local, side * turned, half_length, half_width, turned * slide[0], turned * slide[1])
             met = False
             for n in range(local.shape[0]):
                 met = met or (hit[n] and not held[n])
@@ -34,14 +38,16 @@ def free_turns(local: FloatArray, half_length: float, half_width: float, step: f
 
 
 @nb.njit(cache=True)
-def meets(local: FloatArray, angle: float, half_length: float, half_width: float) -> BoolArray:
-    """Which obstacles (N, 7) a rectangle around the origin meets that is turned by ``angle``."""
+def meets(
+    local: FloatArray, angle: float, half_length: float, half_width: float, middle_x: float, middle_y: float
+) -> BoolArray:
+    """Which obstacles (N, 7) a rectangle around a middle meets that is turned by ``angle``."""
     c, s = cos(angle), sin(angle)
     hits = np.zeros(local.shape[0], dtype=np.bool_)
     for n in range(local.shape[0]):
         for share in (0.0, 0.5, 1.0):
-            x = local[n, 0] + share * (local[n, 2] - local[n, 0])
-            y = local[n, 1] + share * (local[n, 3] - local[n, 1])
+            x = local[n, 0] + share * (local[n, 2] - local[n, 0]) - middle_x
+            y = local[n, 1] + share * (local[n, 3] - local[n, 1]) - middle_y
             out_x = max(abs(c * x + s * y) - half_length, 0.0)
             out_y = max(abs(c * y - s * x) - half_width, 0.0)
             hits[n] = hits[n] or hypot(out_x, out_y) < local[n, 4]

@@ -31,7 +31,12 @@ def note(track: FloatArray, pose: tuple[float, float, float]) -> FloatArray:
 
 
 def way_back(track: FloatArray, here: tuple[float, float], most_m: float) -> FloatArray:
-    """The poses (N, 3) from the last one backwards, as far as ``most_m`` of way from ``here``."""
+    """The poses (N, 3) from the one nearest to ``here`` backwards, as far as ``most_m`` of way from ``here``.
+
+    A rover that slid back downhill while it turned stands beside an earlier pose than the last.
+    """
     poses = track[::-1]
+    apart = np.hypot(*(poses[: round(NEAR_M / STEP_M), :2] - here).T)
+    poses = poses[int(np.argmin(apart)) if len(apart) else 0 :]
     steps = np.diff(np.vstack([here, poses[:, :2]]), axis=0)
     return poses[np.cumsum(np.hypot(steps[:, 0], steps[:, 1])) <= most_m]

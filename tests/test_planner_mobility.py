@@ -92,6 +92,22 @@ def test_a_path_across_a_slope_is_kept_by_pointing_uphill(*, reverse: bool) -> N
     assert lead * state[2] == pytest.approx(np.arctan(0.18), abs=0.04)
 
 
+@pytest.mark.parametrize("lead", [1.0, -1.0])
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_bend_is_straightened_while_its_outer_wheels_spin(lead: float, side: float) -> None:
+    bend = mobility.Command(0.25 * lead, 0.3 * side)
+    inner_slips, outer_slips = ((0.9, 0.1), (0.1, 0.9)) if side * lead > 0 else ((0.1, 0.9), (0.9, 0.1))
+    assert mobility.relieve(bend, inner_slips, spinning=False) == (bend, False)
+    straight, spinning = mobility.relieve(bend, outer_slips, spinning=False)
+    assert spinning
+    assert straight == mobility.Command(lead * mobility.PUSH_M_S, 0.0)
+    half = (0.45, 0.45)  # between the two limits what is goes on
+    assert mobility.relieve(bend, half, spinning=False) == (bend, False)
+    assert mobility.relieve(bend, half, spinning=True) == (straight, True)
+    turn = mobility.Command(0.0, 0.3 * side)
+    assert mobility.relieve(turn, outer_slips, spinning=True) == (turn, False)
+
+
 def test_a_goal_behind_is_turned_to_on_the_spot() -> None:
     track, arrived = follow([[0.0, 0.0], [-3.0, 0.0]])
     assert arrived

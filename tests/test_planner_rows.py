@@ -116,6 +116,15 @@ def test_a_turn_without_room_is_not_begun() -> None:
     assert turn_range(table(), SEEN, np.zeros(2), 0.0, FOOTPRINT) == (-np.pi, np.pi)
 
 
+def test_a_turn_on_a_slope_needs_room_downhill() -> None:
+    below = table((0.0, -0.9, 0.1))  # out of reach of a body that turns where it stands
+    assert turn_range(below, SEEN, np.zeros(2), 0.0, FOOTPRINT) == (-np.pi, np.pi)
+    right, left = turn_range(below, SEEN, np.zeros(2), 0.0, FOOTPRINT, (0.0, -0.18))  # 10 degrees
+    assert -np.pi < right < -np.deg2rad(40)
+    assert np.deg2rad(40) < left < np.pi
+    assert turn_range(below, SEEN, np.zeros(2), 0.0, FOOTPRINT, (0.0, 0.18)) == (-np.pi, np.pi)
+
+
 def test_distance_to_a_long_rock_is_to_its_axis_less_its_half_width() -> None:
     long = np.array([[1.0, -1.0, 1.0, 1.0, 0.2, 1.0, 1.0]])
     assert om.distance_to(long, np.zeros(2)) == pytest.approx([0.8])

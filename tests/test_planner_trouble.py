@@ -90,6 +90,16 @@ def test_the_navigator_keeps_inside_its_area() -> None:
     assert decision.kind != "drive" or decision.waypoints_w[:, 1].min() > -1.7
 
 
+def test_backing_begins_beside_the_rover_also_after_it_slid_back() -> None:
+    track = NO_TRACK
+    for x in np.arange(0.0, 2.05, 0.1):
+        track = note(track, (float(x), 0.0, 0.0))
+    slid = (1.5, 0.15)  # and turned: the last poses lie ahead of it
+    poses = way_back(track, slid, 1.0)
+    np.testing.assert_allclose(poses[0, :2], [1.5, 0.0], atol=0.11)
+    assert (np.diff(poses[:, 0]) < 0.0).all()
+
+
 def test_a_height_is_held_against_the_climb_height_with_some_of_its_error() -> None:
     sure = structs.replace(rock_at((2.0, 0.0, 0.0), 0.2, 0.09), height_sd_m=0.005)
     assert not table_of(sure)[0, 6]

@@ -22,6 +22,7 @@ from rover_sim.autopilot.safety_parameters import ARDUPILOT_SAFETY
 from rover_sim.autopilot.station_guard import StationGuard
 from rover_sim.autopilot.sticks import StickPilot
 from rover_sim.autopilot.targets import Target, TargetFollower
+from rover_sim.autopilot.traction import Traction
 from worlds.types import FloatArray, Footprint, PoseEstimate, SensorReadings, Vector3
 
 _LONGEST_STEP_S = 0.2  # a pause between two updates must not become a jump in speed
@@ -46,6 +47,7 @@ class Autopilot:
         self.returns = ReturnPlaces(self.parameters, self.fence)
         self._guided = MissionRunner(footprint)
         self._targets = TargetFollower(footprint)
+        self._traction = Traction()
         self._motion = STOP
         self._time_s: float | None = None
         self._estimate: PoseEstimate | None = None
@@ -273,7 +275,7 @@ class Autopilot:
                 self._apply(runner.mission.items[index], estimate)
             if runner.state is MissionState.COMPLETE is not before:
                 self._say(Severity.INFO, "Mission complete")
-        return command
+        return self._traction.relieve(command, self.failsafe.monitor)
 
     def _apply(self, item: Item, estimate: PoseEstimate) -> None:
         """What an item that was reached does beside driving."""
