@@ -24,7 +24,7 @@ from worlds.types import FloatArray, Frame, Observation, PoseEstimate, RangeScan
 SPEED_STEP = 0.08  # a smaller share of change is not worth a message
 UPLOAD_S = 0.3  # that a mission takes: what the rover passes meanwhile is left out
 SILENT_LOOKS, SILENT_S = 3, 1.0  # the longer of the two makes an eye count as lost
-STOPS_ALLOWED = 6  # fail-safe stops without getting on
+STOPS_ALLOWED, TRYING_S = 6, 70.0  # fail-safe stops without getting on, and the time that they must have taken
 PROGRESS_M = 2.0  # that count as getting on
 
 
@@ -65,6 +65,7 @@ class OnboardComputer:
         self._taken_over = False
         self._stored = False  # the vehicle has been seen with the mission that was sent last
         self._stops_here = 0  # since the rover last got on
+        self._first_stop_s = self._tried_s = 0.0  # time of the first of them, and from then to the last
         self._stop_place_w: FloatArray | None = None
         self._texts_read_s = -1.0
         self._speed_m_s = CRUISE_M_S  # told last
@@ -160,8 +161,8 @@ class OnboardComputer:
 
     @property
     def exhausted(self) -> bool:
-        """Whether fail-safes have stopped the rover too often without its getting on."""
-        return self._stops_here > STOPS_ALLOWED
+        """Whether fail-safes have stopped the rover too often, and for too long, without its getting on."""
+        return self._stops_here > STOPS_ALLOWED and self._tried_s > TRYING_S
 
     def _send(self, decision: Decision, estimate: PoseEstimate, time_s: float) -> None:
         if decision.kind == "drive":
@@ -239,7 +240,8 @@ class OnboardComputer:
         self._stops_here = self._stops_here + 1 if near else 1
         self.counts = replace(self.counts, failsafe_stops=self.counts.failsafe_stops + 1)
         if not near:
-            self._stop_place_w = place
+            self._stop_place_w, self._first_stop_s = place, estimate.time_s
+        self._tried_s = estimate.time_s - self._first_stop_s
         self.plan = navigator.note_trouble(self.plan, estimate)
         self._decision, self._upload = None, None
         self._want(Mode.HOLD)

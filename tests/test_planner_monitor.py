@@ -77,3 +77,34 @@ def test_no_progress_is_stuck_only_when_asked_to_move() -> None:
     assert first == pytest.approx(3.0 + 6.0, abs=0.2)
     _, after = monitor.watch(monitor.resume(state), moving(10.0, 0.0, 0.0), (0.0,) * 4, asked, FOOTPRINT)
     assert after is monitor.Advice.NONE
+
+
+@pytest.mark.parametrize(("turned_rad_s", "wanted"), [(0.02, True), (0.1, False)])
+def test_a_turn_on_the_spot_in_vain_is_told_in_seconds(turned_rad_s: float, *, wanted: bool) -> None:
+    state, told = monitor.MonitorState(), []
+    for tick in range(1, 80):  # sliding along does not count
+        estimate = replace(
+            pose_at(0.004 * tick, 0.0, 1.0 + turned_rad_s * tick / 20, tick / 20), yaw_rate_rad_s=turned_rad_s
+        )
+        state, advice = monitor.watch(state, estimate, wheel_speeds(0.0, 0.4, FOOTPRINT), Command(0.0, 0.4), FOOTPRINT)
+        told.append(advice)
+    assert (monitor.Advice.VAIN_TURN in told) is wanted
+    if wanted:
+        assert told.index(monitor.Advice.VAIN_TURN) / 20 == pytest.approx(1.3, abs=0.2)
+    after, advice = monitor.watch(state, pose_at(0.4, 0.0, 1.0, 4.1), (0.0,) * 4, Command(0.2, 0.4), FOOTPRINT)
+    assert advice is monitor.Advice.NONE
+    assert after.turn_asked_rad == 0.0
+
+
+@pytest.mark.parametrize(("far_m", "wanted"), [(0.1, True), (0.6, False)])
+def test_going_to_and_fro_at_one_place_is_told(far_m: float, *, wanted: bool) -> None:
+    state, told = monitor.MonitorState(), []
+    for tick in range(1, 400):
+        x, yaw = far_m * np.sin(tick / 40), 0.4 * np.sin(tick / 30)  # never still for long, never far
+        wheels = wheel_speeds(0.3, 0.0, FOOTPRINT)
+        estimate = replace(pose_at(x, 0.0, yaw, tick / 20), velocity_w=np.array([0.25, 0.0, 0.0]))
+        state, advice = monitor.watch(state, estimate, wheels, Command(0.3, 0.1), FOOTPRINT)
+        told.append(advice)
+    assert (monitor.Advice.TREADING in told) is wanted
+    if wanted:
+        assert told.index(monitor.Advice.TREADING) / 20 * 0.3 == pytest.approx(2.5, abs=0.1)

@@ -12,6 +12,12 @@ from rover_sim.autopilot.modes import Severity
 from rover_sim.autopilot.parameters import ParameterTable
 from worlds.types import Footprint, PoseEstimate, SensorReadings
 
+STUCK = {
+    Advice.STUCK: "no progress for {:.0f} s",
+    Advice.VAIN_TURN: "turns on the spot in vain",
+    Advice.TREADING: "goes to and fro at one place",
+}
+
 
 @dataclass(frozen=True)
 class Trip:
@@ -71,8 +77,8 @@ class Failsafe:
         self._tilted_since_s = None
         if advice is Advice.SLIP_STOP:
             return Trip(Severity.CRITICAL, f"Slip stop: slip {100.0 * self.monitor.slip:.0f} %")
-        if advice is Advice.STUCK:
-            return Trip(Severity.ERROR, f"Stuck: no progress for {parameters['FS_STUCK_S']:.0f} s")
+        if advice in STUCK:
+            return Trip(Severity.ERROR, f"Stuck: {STUCK[advice].format(parameters['FS_STUCK_S'])}")
         return None
 
 
