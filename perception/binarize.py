@@ -16,6 +16,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from perception.components import filled
 from perception.cues import COLOUR_CUES, colour_likeness, cue_planes
 from perception.evidence import Planes, chance_of
 from perception.knowledge_base import Binarization, CueSet, Knowledge
@@ -89,20 +90,15 @@ def close_edges(rock: BoolArray, score: SingleArray, grey: ByteArray, how: Binar
 
 def clean(rock: BoolArray, how: Binarization) -> BoolArray:
     """``rock`` closed, with its holes filled, and opened."""
-    closed = cv2.morphologyEx(rock.view(np.uint8), cv2.MORPH_CLOSE, _disc(how.close_px))
-    opened = cv2.morphologyEx(_filled(np.asarray(closed, dtype=np.uint8)), cv2.MORPH_OPEN, _disc(how.open_px))
-    return np.asarray(opened.view(np.bool_))
+    return _morphed(filled(_morphed(rock, cv2.MORPH_CLOSE, how.close_px)), cv2.MORPH_OPEN, how.open_px)
 
 
-def _filled(rock: ByteArray) -> ByteArray:
-    """``rock`` with everything that no way, straight on from pixel to pixel, leads to from outside the picture."""
-    framed = np.pad(rock, 1)
-    cv2.floodFill(framed, None, (0, 0), 2)
-    return np.asarray(framed[1:-1, 1:-1] != 2, dtype=np.uint8)
-
-
-def _disc(size_px: int) -> ByteArray:
-    return np.asarray(cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size_px, size_px)), dtype=np.uint8)
+def _morphed(rock: BoolArray, operation: int, size_px: int) -> BoolArray:
+    """Closed or opened by a disc; one of a single pixel changes nothing."""
+    if size_px <= 1:
+        return rock
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size_px, size_px))
+    return np.asarray(cv2.morphologyEx(rock.view(np.uint8), operation, disc).view(np.bool_))
 
 
 @numba.njit(cache=True)

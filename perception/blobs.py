@@ -43,17 +43,19 @@ def measured_blobs(labels: IntArray, min_area_px: int) -> Blobs:
     order = order[area[order] >= min_area_px]
     rank = np.zeros(len(area) + 1, dtype=np.int32)
     rank[order + 1] = np.arange(1, len(order) + 1, dtype=np.int32)
-    labels, area, box = rank.take(labels), area[order], box[order]
-    centre, variance, axis = _principal(area, moments[order])
-    return Blobs(labels, area, box, centre, variance, axis, _touches(box, labels.shape))
+    area, box = area[order], box[order]
+    centre, variance, axis, border = _principal(area, box, moments[order], labels.shape[0], labels.shape[1])
+    return Blobs(_renamed(labels, rank), area, box, centre, variance, axis, border)
 
 
 def select(blobs: Blobs, keep: BoolArray) -> Blobs:
     """The blobs where ``keep`` (R,) holds, relabelled from 1 in the same order."""
+    if keep.all():
+        return blobs
     rank = np.zeros(len(blobs) + 1, dtype=np.int32)
     rank[1:][keep] = np.arange(1, int(keep.sum()) + 1, dtype=np.int32)
     return Blobs(
-        rank.take(blobs.labels),
+        _renamed(blobs.labels, rank),
         blobs.area_px[keep],
         blobs.box_px[keep],
         blobs.centre_px[keep],
@@ -94,19 +96,32 @@ def _measured(labels: IntArray) -> tuple[IntArray, IntArray, FloatArray]:
     return area, corners, moments
 
 
-def _principal(area: IntArray, moments: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Centres (R, 2), principal variances (R, 2) and axis directions (R,) from raw moments."""
-    mean = moments / area[:, None]
-    centre = mean[:, :2]
-    xx, yy = mean[:, 2] - centre[:, 0] ** 2, mean[:, 3] - centre[:, 1] ** 2
-    xy = centre[:, 0] * centre[:, 1] - mean[:, 4]  # rows grow downwards
-    # A pixel is a unit square, not a point: its own variance of 1/12 keeps thin blobs from having none.
-    half_sum = (xx + yy) / 2.0 + 1.0 / 12.0
-    half_span = np.hypot((xx - yy) / 2.0, xy)
-    axis = np.mod(0.5 * np.arctan2(2.0 * xy, xx - yy), np.pi)
-    return centre, np.stack([half_sum + half_span, half_sum - half_span], axis=-1), axis
+@numba.njit(cache=True)
+def _renamed(labels: IntArray, names: IntArray) -> IntArray:
+    """``labels`` (H, W) as ``names`` (labels,) calls them."""
+    answer = np.empty_like(labels)
+    for y in range(labels.shape[0]):
+        for x in range(labels.shape[1]):
+            answer[y, x] = names[np.uint32(labels[y, x])]
+    return answer
 
 
-def _touches(box: IntArray, shape: tuple[int, ...]) -> BoolArray:
-    x, y, width, height = box.T
-    return np.stack([x == 0, y == 0, x + width == shape[1], y + height == shape[0]], axis=-1)
+@numba.njit(cache=True)
+def _principal(
+    area: IntArray, box: IntArray, moments: FloatArray, height: int, width: int
+) -> tuple[FloatArray, FloatArray, FloatArray, BoolArray]:
+    """Centres (R, 2), principal variances (R, 2) and axis directions (R,) from raw moments; sides touched (R, 4)."""
+    count = len(area)
+    centre, variance, axis = np.empty((count, 2)), np.empty((count, 2)), np.empty(count)
+    border = np.empty((count, 4), dtype=np.bool_)
+    for blob in range(count):
+        x, y, square_x, square_y, product = moments[blob] / area[blob]
+        xx, yy, xy = square_x - x * x, square_y - y * y, x * y - product  # rows grow downwards
+        # A pixel is a unit square, not a point: its own variance of 1/12 keeps thin blobs from having none.
+        half_sum, half_span = (xx + yy) / 2.0 + 1.0 / 12.0, np.hypot((xx - yy) / 2.0, xy)
+        centre[blob] = x, y
+        variance[blob] = half_sum + half_span, half_sum - half_span
+        axis[blob] = 0.5 * np.arctan2(2.0 * xy, xx - yy) % np.pi
+        left, top, across, down = box[blob]
+        border[blob] = left == 0, top == 0, left + across == width, top + down == height
+    return centre, variance, axis, border

@@ -14,7 +14,7 @@ def components(mask: BoolArray) -> tuple[IntArray, IntArray, IntArray]:
 
     Labels go up from 1 in reading order of each component's first pixel; 0 is what no component has, of size 0.
     """
-    rows, starts, ends, parent = _runs(mask)
+    rows, starts, ends, parent = _runs(mask, True, 1)
     label_of, count = np.empty(len(rows), dtype=np.int32), 0
     for run in range(len(rows)):
         root = _root(parent, run)
@@ -38,8 +38,27 @@ def components(mask: BoolArray) -> tuple[IntArray, IntArray, IntArray]:
 
 
 @njit(cache=True, nogil=True)
-def _runs(mask: BoolArray) -> tuple[IntArray, IntArray, IntArray, IntArray]:
-    """Row, first column, column after the last and an earlier run of the same component (itself: none), (N,) each."""
+def filled(mask: BoolArray) -> BoolArray:
+    """``mask`` (H, W) with its holes: what no way, straight on from pixel to pixel, leads to from the border."""
+    rows, starts, ends, parent = _runs(mask, False, 0)
+    outside = np.zeros(len(rows), dtype=np.bool_)
+    for run in range(len(rows)):
+        edge = rows[run] == 0 or rows[run] == mask.shape[0] - 1 or starts[run] == 0 or ends[run] == mask.shape[1]
+        if edge:
+            outside[_root(parent, run)] = True
+    answer = mask.copy()
+    for run in range(len(rows)):
+        if not outside[_root(parent, run)]:
+            answer[rows[run], starts[run] : ends[run]] = True
+    return answer
+
+
+@njit(cache=True, nogil=True)
+def _runs(mask: BoolArray, value: bool, reach: int) -> tuple[IntArray, IntArray, IntArray, IntArray]:
+    """Row, first column, column after the last and an earlier run of the same component (itself: none), (N,) each.
+
+    Of the pixels with that ``value``; ``reach`` 1 connects along diagonals too, 0 does not.
+    """
     height, width = mask.shape
     most = height * ((width + 1) // 2)
     rows, starts = np.empty(most, dtype=np.int32), np.empty(most, dtype=np.int32)
@@ -48,17 +67,17 @@ def _runs(mask: BoolArray) -> tuple[IntArray, IntArray, IntArray, IntArray]:
     for y in range(height):
         first, x = count, 0
         while x < width:
-            if not mask[y, x]:
+            if mask[y, x] != value:
                 x += 1
                 continue
             start = x
-            while x < width and mask[y, x]:
+            while x < width and mask[y, x] == value:
                 x += 1
             rows[count], starts[count], ends[count], parent[count] = y, start, x, count
-            while above < above_end and ends[above] < start:
+            while above < above_end and ends[above] + reach <= start:
                 above += 1
             touching = above
-            while touching < above_end and starts[touching] <= x:
+            while touching < above_end and starts[touching] < x + reach:
                 one, other = _root(parent, count), _root(parent, touching)
                 parent[max(one, other)] = min(one, other)
                 touching += 1

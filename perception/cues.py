@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Collection
 
 import numba
 import numpy as np
@@ -21,15 +21,13 @@ _PRIOR = 3.0  # pixels of the picture's average that each bin starts with
 
 
 def cue_planes(
-    lab: SingleArray, soil: SoilReference, names: Iterable[str], shade_compensation: float, window_px: int
+    lab: SingleArray, soil: SoilReference, names: Collection[str], shade_compensation: float, window_px: int
 ) -> Planes:
     """The measures ``names``, each (H, W), of a smoothed picture ``lab`` (H, W, 3); see `CueSet` for what each is."""
-    planes: Planes = {}
-    for name in names:
-        if name in _CHANNELS:
-            planes[name] = _against_soil(lab, _CHANNELS[name], soil.lab, shade_compensation)
-        elif name == "roughness":
-            planes[name] = mean_gradient(lab[..., 0], window_px) * np.float32(1.0 / soil.gradient)
+    channels = _against_soil(lab, soil.lab, shade_compensation)
+    planes = {name: channels[_CHANNELS[name]] for name in names if name in _CHANNELS}
+    if "roughness" in names:
+        planes["roughness"] = mean_gradient(channels[0], window_px) * np.float32(1.0 / soil.gradient)
     return planes
 
 
@@ -47,16 +45,21 @@ def colour_likeness(lab: SingleArray, score: SingleArray, soil: SoilReference, h
 
 
 @numba.njit(cache=True)
-def _against_soil(lab: SingleArray, channel: int, reference: SingleArray, compensation: float) -> SingleArray:
-    """Channel minus the soil's; colours minus those of soil lit like the pixel, as far as ``compensation`` says."""
-    plane = np.empty(lab.shape[:2], dtype=np.float32)
-    # Soil lit less keeps its hue: Lab then scales a* and b* about as it scales L*.
-    constant = reference[channel] if channel == 0 else (1.0 - compensation) * reference[channel]
-    slope = 0.0 if channel == 0 else compensation * reference[channel] / reference[0]
+def _against_soil(lab: SingleArray, soil: SingleArray, compensation: float) -> SingleArray:
+    """Planes (3, H, W): ``lab`` (H, W, 3) minus the soil's; colours minus those of soil lit like the pixel.
+
+    As far as ``compensation`` says: soil lit less keeps its hue, and Lab scales a* and b* about as it scales L*.
+    """
+    planes = np.empty((3, lab.shape[0], lab.shape[1]), dtype=np.float32)
+    green, blue = (1.0 - compensation) * soil[1], (1.0 - compensation) * soil[2]
+    green_slope, blue_slope = compensation * soil[1] / soil[0], compensation * soil[2] / soil[0]
     for y in range(lab.shape[0]):
         for x in range(lab.shape[1]):
-            plane[y, x] = lab[y, x, channel] - constant - slope * lab[y, x, 0]
-    return plane
+            light = lab[y, x, 0]
+            planes[0, y, x] = light - soil[0]
+            planes[1, y, x] = lab[y, x, 1] - green - green_slope * light
+            planes[2, y, x] = lab[y, x, 2] - blue - blue_slope * light
+    return planes
 
 
 @numba.njit(cache=True)

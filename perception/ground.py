@@ -20,7 +20,11 @@ def height_over(plane: GroundPlane, points_w: FloatArray) -> FloatArray:
 
 def ground_points(camera: CameraModel, camera_pose: Pose, plane: GroundPlane, pixels: FloatArray) -> FloatArray:
     """World points (..., 3) where the rays of ``pixels`` (..., 2) meet the plane; NaN at and above the horizon."""
-    rays = rays_w(camera, camera_pose, pixels)
+    return _met(camera_pose, plane, rays_w(camera, camera_pose, pixels))
+
+
+def _met(camera_pose: Pose, plane: GroundPlane, rays: FloatArray) -> FloatArray:
+    """World points (..., 3) where ``rays`` (..., 3) in world axes meet the plane; NaN where they do not."""
     fall = -(rays @ plane.normal_w)
     distance = float(height_over(plane, camera_pose.position_w)) / np.where(fall > 1e-9, fall, np.nan)
     return np.asarray(camera_pose.position_w + np.where(distance > 0, distance, np.nan)[..., None] * rays)
@@ -83,10 +87,8 @@ def window_ranges(camera: CameraModel, camera_pose: Pose, plane: GroundPlane, sh
 
 def _window_points(camera: CameraModel, camera_pose: Pose, plane: GroundPlane, shape: tuple[int, int]) -> FloatArray:
     """World points (rows, columns, 3) under the centres of ``shape`` windows."""
-    rows = (np.arange(shape[0]) + 0.5) * camera.height_px / shape[0]
-    columns = (np.arange(shape[1]) + 0.5) * camera.width_px / shape[1]
-    pixels = np.stack(np.meshgrid(columns, rows), axis=-1)
-    return ground_points(camera, camera_pose, plane, pixels)
+    rays = grid_rays_c(camera, shape) @ rotation_from_quaternion(camera_pose.quaternion_w).T
+    return _met(camera_pose, plane, rays)
 
 
 def footprint(

@@ -6,13 +6,14 @@ membership functions as figures only; ours stand in the knowledge file, with the
 
 from __future__ import annotations
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from perception.blobs import Blobs
 from perception.texture import region_texture
 from worlds.fuzzy import RuleBase, evaluate
-from worlds.types import ByteArray, FloatArray
+from worlds.types import ByteArray, FloatArray, IntArray
 
 _FLOOR = 0.01  # keeps the logarithm of a flat blob finite
 
@@ -20,15 +21,13 @@ _FLOOR = 0.01  # keeps the logarithm of a flat blob finite
 def blob_features(grey: ByteArray, score: NDArray[np.float32], blobs: Blobs) -> dict[str, FloatArray]:
     """Inputs of the classifier, each (R,): log10 contrast, energy, log10 variance, log10 area in pixels, mean score."""
     texture = region_texture(grey, blobs.labels, blobs.box_px)
-    inside = blobs.labels > 0
-    total = np.bincount(blobs.labels[inside], weights=score[inside], minlength=len(blobs) + 1)[1:]
     area = np.maximum(blobs.area_px, 1).astype(np.float64)
     return {
         "contrast": np.log10(np.maximum(texture.contrast, _FLOOR)),
         "energy": texture.energy,
         "variance": np.log10(np.maximum(texture.variance, _FLOOR)),
         "area": np.log10(area),
-        "strength": np.asarray(total / area),
+        "strength": _sums(blobs.labels, score, len(blobs)) / area,
     }
 
 
@@ -37,3 +36,14 @@ def rock_certainty(features: dict[str, FloatArray], rules: RuleBase) -> FloatArr
     if len(features["area"]) == 0:
         return np.empty(0)
     return np.nan_to_num(evaluate(rules, features), nan=0.0)
+
+
+@numba.njit(cache=True)
+def _sums(labels: IntArray, values: NDArray[np.float32], count: int) -> FloatArray:
+    """Sum (count,) of ``values`` (H, W) over each label from 1."""
+    sums = np.zeros(count + 1)
+    for y in range(labels.shape[0]):
+        for x in range(labels.shape[1]):
+            if labels[y, x] > 0:
+                sums[labels[y, x]] += values[y, x]
+    return sums[1:]

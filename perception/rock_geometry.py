@@ -65,9 +65,12 @@ def _outline_rows(labels: IntArray, boxes: IntArray, quantile: float) -> FloatAr
         x, y, width, height = boxes[region]
         tops, bases = np.zeros(width), np.zeros(width)
         for column in range(width):
-            inside = np.nonzero(labels[y : y + height, x + column] == region + 1)[0]
-            tops[column] = y + inside[0]
-            bases[column] = y + inside[-1] + 1
+            first, last = y, y + height - 1
+            while labels[first, x + column] != region + 1 and first < last:
+                first += 1
+            while labels[last, x + column] != region + 1 and first < last:
+                last -= 1
+            tops[column], bases[column] = first, last + 1
         tops.sort()
         bases.sort()
         rank = int(quantile * (width - 1))

@@ -93,18 +93,27 @@ def _fit_trend(lightness: SingleArray, places: NDArray[np.int64], stiffness: flo
     """Quadratic surface (6,) through the lightness at flat ``places``, without outliers; a stiff one stays level."""
     values = lightness.take(places).astype(np.float64)
     values -= percentile(values, 50.0)
-    rows, columns = np.divmod(places, lightness.shape[1])
-    x, y = _axes(lightness.shape[1])[columns].astype(np.float64), _axes(lightness.shape[0])[rows].astype(np.float64)
-    terms = np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=-1)
-    kept = np.ones(len(values), dtype=bool)
+    terms = _quadratic(places, _axes(lightness.shape[1]), _axes(lightness.shape[0]))
+    limit = np.inf
     coefficients: FloatArray = np.zeros(6)
+    rest = np.zeros_like(values)
     for _ in range(_TREND_ROUNDS):
-        square, product = _normal_equations(terms, values, kept)
+        square, product = _normal_equations(terms, values, rest <= limit)
         square[np.diag_indices(6)] += stiffness * max(square[0, 0], 1.0) * _RIDGE
         coefficients = np.asarray(np.linalg.solve(square, product))
         rest = np.abs(values - terms @ coefficients)
-        kept = rest <= 3.0 * percentile(rest, 50.0) + 0.1
+        limit = 3.0 * percentile(rest, 50.0) + 0.1
     return coefficients.astype(np.float32)
+
+
+@numba.njit(cache=True)
+def _quadratic(places: NDArray[np.int64], x: SingleArray, y: SingleArray) -> FloatArray:
+    """Terms (N, 6) 1, x, y, x^2, x y, y^2 at flat ``places`` (N,)."""
+    terms = np.empty((len(places), 6))
+    for i in range(len(places)):
+        across, down = np.float64(x[places[i] % len(x)]), np.float64(y[places[i] // len(x)])
+        terms[i] = 1.0, across, down, across * across, across * down, down * down
+    return terms
 
 
 @numba.njit(cache=True)

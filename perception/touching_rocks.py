@@ -14,20 +14,36 @@ import numpy as np
 from numpy.typing import NDArray
 
 from perception.components import components
-from worlds.types import BoolArray, IntArray
+from worlds.types import BoolArray, ByteArray, IntArray
 
 LEAST_PX = 60  # a basin smaller than this is a spur of its neighbour
 _LEAST_DEPTH = 3.0
 _STEPS = 8  # depth levels a pixel
+_MARGIN_PX = 2  # rows without rock that outlines are measured against
 
 
 def part_at_necks(mask: BoolArray, neck_ratio: float) -> IntArray:
     """Labels (H, W) of the parts of ``mask``, 1 and up in no special order; neck_ratio 0 parts nothing."""
-    if neck_ratio == 0.0:
-        return components(mask)[0]
-    # A picture full of rock has no outline: OpenCV then answers the largest number there is.
-    depth = np.minimum(cv2.distanceTransform(mask.view(np.uint8), cv2.DIST_L2, 5), sum(mask.shape)).astype(np.float32)
-    return _flood(depth, _deepest_first(depth), neck_ratio)
+    labels, area, _ = components(mask)
+    if neck_ratio > 0.0 and area.max() > LEAST_PX:
+        large, top, bottom = _of_area(labels, area, LEAST_PX)
+        shown = slice(max(top - _MARGIN_PX, 0), bottom + _MARGIN_PX)
+        # A picture full of rock has no outline: OpenCV then answers the largest number there is.
+        depth = np.minimum(cv2.distanceTransform(large[shown], cv2.DIST_L2, 5), sum(mask.shape)).astype(np.float32)
+        _flood(depth, _deepest_first(depth), neck_ratio, labels[shown], len(area))
+    return labels
+
+
+@numba.njit(cache=True)
+def _of_area(labels: IntArray, area: IntArray, least_px: int) -> tuple[ByteArray, int, int]:
+    """Pixels (H, W) of the components with more than ``least_px``; its first row and the one after the last."""
+    large, top, bottom = np.zeros(labels.shape, dtype=np.uint8), labels.shape[0], 0
+    for y in range(labels.shape[0]):
+        for x in range(labels.shape[1]):
+            if area[np.uint32(labels[y, x])] > least_px:
+                large[y, x] = 1
+                top, bottom = min(top, y), y + 1
+    return large, top, bottom
 
 
 @numba.njit(cache=True)
@@ -52,7 +68,8 @@ def _deepest_first(depth: NDArray[np.float32]) -> IntArray:
 
 
 @numba.njit(cache=True)
-def _flood(depth: NDArray[np.float32], order: IntArray, neck_ratio: float) -> IntArray:
+def _flood(depth: NDArray[np.float32], order: IntArray, neck_ratio: float, labels: IntArray, first: int) -> None:
+    """Write the basin of each pixel with ``depth`` (H, W) into ``labels`` (H, W), counted from ``first``."""
     height, width = depth.shape
     flat = depth.ravel()
     owner = np.zeros((height + 2, width + 2), dtype=np.int32)  # basin of each pixel, with a rim that belongs to none
@@ -77,10 +94,9 @@ def _flood(depth: NDArray[np.float32], order: IntArray, neck_ratio: float) -> In
             parent[here], peak[here] = here, flat[place]
         owner[y, x] = here
         area[here] += 1
-    for y in range(1, height + 1):
-        for x in range(1, width + 1):
-            owner[y, x] = _root(parent, owner[y, x])
-    return owner[1:-1, 1:-1].copy()
+    for place in order:
+        y, x = place // width, place % width
+        labels[y, x] = first - 1 + _root(parent, owner[y + 1, x + 1])
 
 
 @numba.njit(cache=True)

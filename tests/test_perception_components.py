@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from perception.components import components
+from perception.components import components, filled
 
 
 def test_sizes_and_labels_worked_by_hand() -> None:
@@ -28,3 +28,19 @@ def test_components_are_those_of_opencv(share: float) -> None:
     told = told[theirs.ravel()[place]]
     assert area[1:].tolist() == told[:, cv2.CC_STAT_AREA].tolist()
     assert extent[1:].tolist() == told[:, [cv2.CC_STAT_WIDTH, cv2.CC_STAT_HEIGHT]].max(axis=1).tolist()
+
+
+def test_holes_are_what_no_straight_way_leads_to_from_the_border() -> None:
+    rows = ["..###.", ".#...#", ".#.#.#", ".#...#", "..###.", "......"]
+    found = filled(np.array([[cell == "#" for cell in row] for row in rows]))
+    assert ["".join("#" if cell else "." for cell in row) for row in found] == [
+        "..###.", ".#####", ".#####", ".#####", "..###.", "......",
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize("share", [0.0, 0.4, 0.6, 0.7, 1.0])
+def test_holes_are_those_of_a_flood(share: float) -> None:
+    mask = np.random.default_rng(4).random((60, 90)) < share
+    framed = np.pad(mask.astype(np.uint8), 1)
+    cv2.floodFill(framed, None, (0, 0), 2)
+    np.testing.assert_array_equal(filled(mask), framed[1:-1, 1:-1] != 2)

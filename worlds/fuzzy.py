@@ -38,6 +38,7 @@ from worlds.types import BoolArray, FloatArray, IntArray
 Corners = tuple[float, float, float, float]
 Norm = Literal["minimum", "product"]
 Aggregation = Literal["maximum", "sum"]
+_UPRIGHT = 1e18  # slope of a flank that is
 GRID_POINTS = 201  # of the output axis; a centroid is then good to about 1e-4 of its range
 
 
@@ -115,21 +116,31 @@ def _strongest(degrees: FloatArray, places: list[int]) -> FloatArray:
 
 def _all_degrees(base: RuleBase, inputs: Mapping[str, FloatArray]) -> FloatArray:
     """Membership (N, K) in every term of every input, inputs and terms in their order."""
-    owner, corners, low, high = _term_table(base)
-    values = np.stack([np.atleast_1d(np.asarray(inputs[v.name], dtype=float)) for v in base.inputs], axis=-1)
-    values = np.clip(values, low, high)[:, owner]
-    a, b, c, d = corners
-    rising = np.where(b > a, np.clip((values - a) / np.where(b > a, b - a, 1.0), 0.0, 1.0), 1.0)
-    falling = np.where(d > c, np.clip((d - values) / np.where(d > c, d - c, 1.0), 0.0, 1.0), 1.0)
-    return np.asarray(np.where((values < a) | (values > d), 0.0, np.minimum(rising, falling)))
+    terms, flanks, low, high = _term_table(base)
+    values = np.stack([np.atleast_1d(np.asarray(inputs[v.name], dtype=float)) for v in base.inputs])
+    rising = np.repeat(np.clip(values, low, high), terms, axis=0)
+    falling = flanks[1, 0] - rising
+    falling *= flanks[1, 1]
+    falling += flanks[1, 2]
+    rising -= flanks[0, 0]
+    rising *= flanks[0, 1]
+    rising += flanks[0, 2]
+    return np.clip(np.minimum(rising, falling, out=rising), 0.0, 1.0, out=rising).T
 
 
 @cache
 def _term_table(base: RuleBase) -> tuple[IntArray, FloatArray, FloatArray, FloatArray]:
-    """Input (K,) and corners (4, K) of all terms; lower and upper end (inputs,) of the inputs."""
-    owner = np.array([i for i, v in enumerate(base.inputs) for _ in v.terms], dtype=np.int32)
-    corners = np.array([corners for v in base.inputs for _, corners in v.terms]).T
-    return owner, corners, np.array([v.low for v in base.inputs]), np.array([v.high for v in base.inputs])
+    """How many terms each input has; flanks (2, 3, K, 1) of all; lower and upper end (inputs, 1) of the inputs.
+
+    A flank is where it begins, its slope, and what it begins with: upright ones with full membership.
+    """
+    terms = np.array([len(v.terms) for v in base.inputs], dtype=np.int32)
+    a, b, c, d = np.array([corners for v in base.inputs for _, corners in v.terms]).T
+    widths = np.stack([b - a, d - c])
+    upright = widths == 0.0
+    slopes = np.where(upright, _UPRIGHT, 1.0 / np.where(upright, 1.0, widths))
+    flanks = np.stack([np.stack([a, d]), slopes, upright.astype(np.float64)], axis=1)[..., None]
+    return terms, flanks, np.array([[v.low] for v in base.inputs]), np.array([[v.high] for v in base.inputs])
 
 
 @cache
