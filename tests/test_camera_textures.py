@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from rover_sim.sim import ground_shading as shading
 from rover_sim.sim.ground_textures import GROUND_SIZE_PX, pebbles
 from rover_sim.sim.renderer import make_renderer
-from rover_sim.sim.texture_kernels import sample_plane, sample_solid, sample_strip
-from rover_sim.sim.textures import make_pyramid, slopes_of, spectral_noise
+from rover_sim.sim.texture_kernels import add_samples, level_of, sample_solid
+from rover_sim.sim.textures import PADDING, Pyramid, make_pyramid, slopes_of, spectral_noise
 from tests.camera_factory import field, lens, look, world
 from worlds.types import BoolArray, FloatArray
 
@@ -54,48 +55,79 @@ def ramp(size: int, dimensions: int) -> FloatArray:
     return np.stack([count, np.full_like(count, 2.0), np.full_like(count, 3.0), np.full_like(count, 4.0)], axis=-1)
 
 
+def plane(pyramid: Pyramid, x_m: float, y_m: float, footprint_m: float) -> list[float]:
+    """A square texture at a place, seen by a pixel as large as ``footprint_m``."""
+    level, share = level_of(
+        np.float32(footprint_m * pyramid.size_px * pyramid.per_m), np.float32(len(pyramid.starts) - 3)
+    )
+    u, v = (np.full(2, place * pyramid.per_m, dtype=np.float32) for place in (x_m, y_m))
+    levels, weights = np.array([level, level + 1], dtype=np.int32), np.array([1 - share, share], dtype=np.float32)
+    out = np.zeros(4, dtype=np.float32)
+    add_samples(2, u, v, levels, weights, np.zeros(2, dtype=np.int32), pyramid.data, pyramid.starts, out)
+    return [float(value) for value in out]
+
+
+def solid(pyramid: Pyramid, place_m: tuple[float, float, float], footprint_m: float) -> list[float]:
+    """The same of a cube."""
+    u, v, w = (np.float32(x * pyramid.per_m) for x in place_m)
+    covered = np.float32(footprint_m * pyramid.size_px * pyramid.per_m)
+    return [float(value) for value in sample_solid(pyramid.data.ctypes.data, pyramid.starts, u, v, w, covered)]
+
+
+def strip(pyramid: Pyramid, ray: tuple[float, float], minor_m: float, major_m: float) -> float:
+    """Mean of a square texture's first channel over the strip that a pixel covers at (0.515625, 0.5)."""
+    b = np.zeros(shading.PLANES * shading.WIDEST, dtype=np.float32)
+    b[[shading.RAY_X, shading.RAY_Y, shading.MINOR, shading.MAJOR]] = *ray, minor_m, major_m
+    room, at, out = 2 * shading.MOST_TAPS + 2, np.zeros(1, dtype=np.int32), np.zeros(4, dtype=np.float32)
+    jobs, which = np.zeros(3 * room, dtype=np.float32), np.zeros(2 * room, dtype=np.int32)
+    eye = (np.float32(0.515625), np.float32(0.5), np.float32(0.0))
+    per_m = np.float32(pyramid.per_m)
+    shading.add_fine(1, pyramid.data, pyramid.starts, per_m, eye, b, at, jobs, which, out)
+    return float(out[0])
+
+
 def test_a_level_is_the_average_of_the_one_before() -> None:
     pyramid = make_pyramid(ramp(4, 2), 1.0)
-    assert len(pyramid.data) == 16 + 4 + 1
+    assert pyramid.starts.tolist() == [0, 4 * (4 + PADDING), 4 * (4 + PADDING) + 2 * (2 + PADDING), *[44] * 2]
+    assert len(pyramid.data) == 44 + 1 + PADDING
+    np.testing.assert_array_equal(pyramid.finest()[..., 0], np.arange(16.0).reshape(4, 4))
     # Top left block of 0, 1, 4, 5; then the mean of 0..15.
-    assert pyramid.data[16, 0] == 2.5
-    assert pyramid.data[20, 0] == 7.5
+    assert pyramid.data[pyramid.starts[1], 0] == 2.5
+    assert pyramid.data[pyramid.starts[2], 0] == 7.5
 
 
 def test_texel_centres_and_halfway_between() -> None:
-    t, top, per_m = make_pyramid(ramp(4, 2), 1.0)
+    pyramid = make_pyramid(ramp(4, 2), 1.0)
     # Texels are 0.25 m: centre of row 2, column 1 holds 9; its right-hand neighbour 10.
-    assert sample_plane(t, top, per_m, 0.375, 0.625, 0.1) == pytest.approx((9, 2, 3, 4))
-    assert sample_plane(t, top, per_m, 0.5, 0.625, 0.1)[0] == pytest.approx(9.5)
+    assert plane(pyramid, 0.375, 0.625, 0.1) == pytest.approx([9, 2, 3, 4])
+    assert plane(pyramid, 0.5, 0.625, 0.1)[0] == pytest.approx(9.5)
     # It repeats every metre, to both sides.
-    assert sample_plane(t, top, per_m, 0.375 - 3.0, 0.625 + 2.0, 0.1)[0] == pytest.approx(9.0)
+    assert plane(pyramid, 0.375 - 3.0, 0.625 + 2.0, 0.1)[0] == pytest.approx(9.0)
     # A footprint of a whole tile sees the mean.
-    assert sample_plane(t, top, per_m, 0.1, 0.1, 50.0)[0] == pytest.approx(7.5)
+    assert plane(pyramid, 0.1, 0.1, 50.0)[0] == pytest.approx(7.5)
 
 
 def test_levels_blend_without_a_step() -> None:
-    t, top, per_m = make_pyramid(ramp(16, 2), 1.0)
-    seen = [sample_plane(t, top, per_m, 0.03, 0.41, footprint)[0] for footprint in np.geomspace(0.05, 1.2, 600)]
+    pyramid = make_pyramid(ramp(16, 2), 1.0)
+    seen = [plane(pyramid, 0.03, 0.41, footprint)[0] for footprint in np.geomspace(0.05, 1.2, 600)]
     assert np.ptp(seen) > 30
     assert np.abs(np.diff(seen)).max() < 0.03 * np.ptp(seen)
 
 
 def test_solid_texel_centres() -> None:
-    t, top, per_m = make_pyramid(ramp(4, 3), 1.0)
+    pyramid = make_pyramid(ramp(4, 3), 1.0)
     # Layer 3, row 2, column 1 of 4 x 4 x 4: 3 * 16 + 2 * 4 + 1.
-    assert sample_solid(t, top, per_m, 0.375, 0.625, 0.875, 0.1) == pytest.approx((57, 2, 3, 4))
-    assert sample_solid(t, top, per_m, 0.375, 0.625, 0.75, 0.1)[0] == pytest.approx(49.0)
-    assert sample_solid(t, top, per_m, 0.0, 0.0, 0.0, 50.0)[0] == pytest.approx(31.5)
+    assert solid(pyramid, (0.375, 0.625, 0.875), 0.1) == pytest.approx([57, 2, 3, 4])
+    assert solid(pyramid, (0.375, 0.625, 0.75), 0.1)[0] == pytest.approx(49.0)
+    assert solid(pyramid, (0.0, 0.0, 0.0), 50.0)[0] == pytest.approx(31.5)
 
 
 def test_a_strip_averages_along_the_line_of_sight() -> None:
     stripes = ramp(32, 2)
     stripes[..., 0] = np.arange(32) % 2
-    t, top, per_m = make_pyramid(stripes, 1.0)
-    straight_down = sample_strip(t, top, per_m, (0.515625, 0.5, 0.0), (0.0, 0.0, -1.0), 0.02, 0.02)[0]
-    along_x = sample_strip(t, top, per_m, (0.515625, 0.5, 0.0), (1.0, 0.0, -0.1), 0.02, 0.2)[0]
-    assert straight_down == pytest.approx(0.0)
-    assert along_x == pytest.approx(0.5, abs=0.12)
+    pyramid = make_pyramid(stripes, 1.0)
+    assert strip(pyramid, (0.0, 0.0), 0.02, 0.02) == pytest.approx(0.0, abs=1e-6)
+    assert strip(pyramid, (1.0, 0.0), 0.02, 0.2) == pytest.approx(0.5, abs=0.12)
 
 
 def contrast(grey: FloatArray, mask: BoolArray) -> float:

@@ -32,7 +32,7 @@ def clast_ids(
     """
     ids = picture.ids.copy()
     lens = (camera.width_px / 2, camera.height_px / 2, camera.focal_px)
-    texels, strength = pebbles.owner, drift.data[: DRIFT_SIZE_PX**2, 3]  # its finest level
+    texels, strength = pebbles.owner, np.ascontiguousarray(drift.finest()[..., 3]).ravel()
     pixels, keys = _shown(picture, pose, lens, texels, pebbles.area_m2, strength)
     _, number = np.unique(keys, return_inverse=True)
     ids.ravel()[pixels] = first + number

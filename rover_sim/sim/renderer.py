@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
+from statistics import NormalDist
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
@@ -17,6 +19,7 @@ if TYPE_CHECKING:
 SKY_ID = -1
 GROUND_ID = 0
 SIZE_LIMITS_PX = (16, 2048)
+NOISE_DRAWS = 1 << 16
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,8 +58,15 @@ def add_noise(image: ByteArray, sd_levels: float, rng: np.random.Generator) -> B
     """A picture with independent normal noise of ``sd_levels`` grey levels in every channel, clipped to 0..255."""
     if sd_levels == 0.0:
         return image
-    noise = rng.standard_normal(image.shape, dtype=np.float32)
-    return np.clip(np.rint(image + np.float32(sd_levels) * noise), 0, 255).astype(np.uint8)
+    draws = np.frombuffer(rng.bytes(2 * image.size), dtype=np.uint16).reshape(image.shape)
+    return np.asarray(np.clip(image + _noise_levels(sd_levels).take(draws), 0, 255), dtype=np.uint8)
+
+
+@cache
+def _noise_levels(sd_levels: float) -> NDArray[np.int16]:
+    """The noise for each draw of 16 bits: equally likely values of the normal distribution, in whole levels."""
+    half = [NormalDist().inv_cdf((draw + 0.5) / NOISE_DRAWS) for draw in range(NOISE_DRAWS // 2)]
+    return np.rint(sd_levels * np.array([*half, *(-value for value in reversed(half))])).astype(np.int16)
 
 
 def check_camera(camera: CameraModel) -> None:

@@ -89,6 +89,7 @@ class SunShadows:
         first, last = first_m - shift, last_m + shift
         texel = max(float((last - first).max()) / MAP_PX, FINEST_TEXEL_M)
         width, height = (int(n) for n in np.ceil((last - first) / texel))
+        width = width // 32 * 32 + 48
         matrix = np.zeros((4, 4))
         matrix[0, [0, 2, 3]] = np.array([1.0, -shear[0], shear[0] * level - first[0]]) / texel
         matrix[1, [1, 2, 3]] = np.array([1.0, -shear[1], shear[1] * level - first[1]]) / texel

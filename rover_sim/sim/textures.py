@@ -11,18 +11,25 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from worlds.types import FloatArray
+from worlds.types import FloatArray, IntArray
 
 DRIFT_SIZE_PX, DRIFT_TILE_M = 256, 23.0
 ROCK_SIZE_PX, ROCK_TILE_M = 64, 0.32
+PADDING = 4  # texels behind each row of a square: rows a power of two apart would share a few lines of the cache
 
 
 class Pyramid(NamedTuple):
     """A periodic texture and its halvings down to one texel, one after another in one array."""
 
-    data: NDArray[np.float32]  # (texels of all levels, 4)
+    data: NDArray[np.float32]  # (texels of all levels, 4); rows of squares are `PADDING` longer than they say
     size_px: int  # texels a side of the first, a power of two
     per_m: float  # periods a metre
+    starts: IntArray  # (levels + 2,) where each level begins in ``data``, and twice more the last one
+
+    def finest(self) -> NDArray[np.float32]:
+        """The first level (N, N, 4) of a square texture."""
+        rows = self.data[: self.starts[1]].reshape(self.size_px, self.size_px + PADDING, 4)
+        return np.ascontiguousarray(rows[:, : self.size_px])
 
 
 def make_pyramid(texture: FloatArray, tile_m: float) -> Pyramid:
@@ -36,8 +43,11 @@ def make_pyramid(texture: FloatArray, tile_m: float) -> Pyramid:
                 + np.take(level, np.arange(1, level.shape[axis], 2), axis)
             ) / 2
         levels.append(level)
+    if texture.ndim == 3:
+        levels = [np.pad(level, ((0, 0), (0, PADDING), (0, 0))) for level in levels]
     flat = [level.reshape(-1, 4).astype(np.float32) for level in levels]
-    return Pyramid(np.concatenate(flat), len(texture), 1 / tile_m)
+    starts = np.cumsum([0] + [len(level) for level in flat[:-1]])
+    return Pyramid(np.concatenate(flat), len(texture), 1 / tile_m, np.append(starts, [starts[-1]] * 2).astype(np.int32))
 
 
 def spectral_noise(
