@@ -138,5 +138,7 @@ def test_flying_is_told_once(persona: Persona, at_rest: int, driving: int) -> No
     assert state.landed_state == at_rest
     yard.autopilot.arm()
     yard.autopilot.goto((5.0, 0.0, 0.0))
+    yard.step()  # the change is told at once, to whom it says anything
+    assert len(station.take("EXTENDED_SYS_STATE")) == (0 if persona is ARDUPILOT else 1)
     (state,) = yard.ask(station, command(512, 245), "EXTENDED_SYS_STATE")
     assert state.landed_state == driving

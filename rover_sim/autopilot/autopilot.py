@@ -88,6 +88,12 @@ class Autopilot:
         return not self._guided.mission.empty
 
     @property
+    def guided_place_w(self) -> Vector3 | None:
+        """Where mode Guided drives to, or has driven to; None if it was told no place."""
+        items = self._guided.mission.items
+        return items[0].position_w if items and isinstance(items[0], DriveTo) else None
+
+    @property
     def motion(self) -> Command:
         """The motion commanded by the last update."""
         return self._motion

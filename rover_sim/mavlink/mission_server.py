@@ -19,6 +19,7 @@ from rover_sim.mavlink.wire import RefusedItemError, WireItem, place_of
 
 REASK_S = 0.5
 STALLED_S = 8.0
+_FLOAT_DEGREES_M = 1.0  # how far a place in 32-bit degrees may be from the one that was meant
 _REMEMBERED = 16  # clients whose last result is kept for repeated items
 _ACCEPTED = int(mavlink.MAV_MISSION_ACCEPTED)
 _CANCELLED = int(mavlink.MAV_MISSION_OPERATION_CANCELLED)
@@ -207,6 +208,9 @@ class MissionServer:
         place = place_of(item.x, item.y, altitude, self._context.frame)
         if place is None:
             return int(mavlink.MAV_MISSION_INVALID)
+        there = self._context.autopilot.guided_place_w
+        if there is not None and math.dist(there[:2], place[:2]) < _FLOAT_DEGREES_M:
+            return _ACCEPTED  # QGroundControl has sent the same place before, by a command that is exact
         return _ACCEPTED if self._context.autopilot.goto(place) is None else int(mavlink.MAV_MISSION_ERROR)
 
     def _is_planner(self, client: Client) -> bool:

@@ -53,6 +53,8 @@ class ParameterServer:
 
     def _set(self, client: Client, message: Message) -> None:
         name = message.param_id
+        if name == _HASH and self._context.persona.px4_modes:
+            return  # the station has them all: PX4 would stop its list
         if name not in self._table:
             self._refuse(client, name, -1, mavlink.MAV_PARAM_ERROR_DOES_NOT_EXIST)
         elif self._table.set(name, self._decoded(name, message)):

@@ -77,17 +77,20 @@ def _centiampere(battery: BatteryReading) -> int:
     return min(round(100.0 * battery.current_a), 32767)
 
 
-def extended_sys_state(context: Context) -> Message:
-    """EXTENDED_SYS_STATE: "in the air" is how ground stations call a vehicle that drives by itself.
+def landed_state(context: Context) -> int:
+    """Landed state: "in the air" is how ground stations call a vehicle that drives by itself.
 
     For an ArduPilot QGroundControl takes it from the heartbeat as well, and with two sources its buttons flicker, so
-    there the landed state is 0.
+    there the state is 0.
     """
-    landed = mavlink.MAV_LANDED_STATE_UNDEFINED
-    if context.persona.tells_landed:
-        driving = context.autopilot.driving
-        landed = mavlink.MAV_LANDED_STATE_IN_AIR if driving else mavlink.MAV_LANDED_STATE_ON_GROUND
-    return mavlink.MAVLink_extended_sys_state_message(mavlink.MAV_VTOL_STATE_UNDEFINED, landed)
+    if not context.persona.tells_landed:
+        return int(mavlink.MAV_LANDED_STATE_UNDEFINED)
+    return int(mavlink.MAV_LANDED_STATE_IN_AIR if context.autopilot.driving else mavlink.MAV_LANDED_STATE_ON_GROUND)
+
+
+def extended_sys_state(context: Context) -> Message:
+    """EXTENDED_SYS_STATE."""
+    return mavlink.MAVLink_extended_sys_state_message(mavlink.MAV_VTOL_STATE_UNDEFINED, landed_state(context))
 
 
 def mission_current(context: Context) -> Message:

@@ -125,6 +125,7 @@ class Telemetry:
             ),
             mavlink.MAVLINK_MSG_ID_FENCE_STATUS: (autopilot.fence.breached, autopilot.fence.breaches),
             mavlink.MAVLINK_MSG_ID_HOME_POSITION: (autopilot.home_w,),
+            mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: (status.landed_state(self._context),),
         }
         changed = [message for message, content in shown.items() if self._shown.get(message, content) != content]
         self._shown = shown
