@@ -13,6 +13,7 @@ from rover_sim.sim.rover import (
     CHASSIS,
     Arm,
     ArmBox,
+    BatteryTable,
     Box,
     Chassis,
     Drive,
@@ -68,6 +69,7 @@ class RoverNotes(Table, frozen=True, kw_only=True):
     motor: Motor
     mast: Mast
     drive: Drive
+    battery: BatteryTable = BatteryTable()
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,6 +123,7 @@ class _Importer:
             motor=notes.motor,
             mast=notes.mast,
             drive=notes.drive,
+            battery=notes.battery,
         )
 
     def _check_names(self) -> None:
