@@ -10,14 +10,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize
 from scipy.sparse import csr_matrix
 
 from worlds.types import BoolArray, FloatArray
 
 _ROUNDS = 25
 _STOP = 1e-6
+_LARGEST = 40.0  # logarithm of odds
 _SIZE_PENALTY = 1e-4  # a sample; only settles what the samples leave open
 
 
@@ -51,12 +55,53 @@ def fit_additive(
     cues: Sequence[FloatArray], rock: BoolArray, knots: Sequence[FloatArray], stiffness: float
 ) -> AdditiveFit:
     """Evidence of ``cues`` (each (N,)) for ``rock`` (N,) at given ``knots``; ``stiffness`` of the bends, a sample."""
+    design = _design(cues, knots)
+    penalty = len(rock) * _penalty([len(k) for k in knots], stiffness)
+    return _parts(_newton(design, rock.astype(float), penalty), knots)
+
+
+def fit_choice(
+    cues: Sequence[FloatArray],
+    right: BoolArray,
+    group: NDArray[np.signedinteger[Any]],
+    weight: FloatArray,
+    knots: Sequence[FloatArray],
+    stiffness: float,
+) -> AdditiveFit:
+    """Evidence of ``cues`` (each (N,)) for one of the choices of each group, or none of them.
+
+    A choice is taken with the odds of its evidence against 1 for none and the odds of all others of its ``group``
+    (N,), which counts up from 0 without gaps. What should be taken is any that is ``right`` (N,), none where none is;
+    groups count by ``weight`` (groups,). Conditional logit: McFadden, in Frontiers in Econometrics, 1974.
+    """
+    design = _design(cues, knots)
+    penalty = weight.sum() * _penalty([len(k) for k in knots], stiffness)
+    first = np.flatnonzero(np.diff(group, prepend=-1))
+    some = np.logical_or.reduceat(right, first)
+
+    def loss(weights: FloatArray) -> tuple[float, FloatArray]:
+        odds = np.exp(np.clip(design @ weights, -_LARGEST, _LARGEST))
+        total, good = 1.0 + np.add.reduceat(odds, first), np.add.reduceat(odds * right, first)
+        good[~some] = 1.0
+        pull = penalty @ weights
+        slope = odds * ((weight / total)[group] - right * (weight / good)[group])
+        missed = float(weight @ (np.log(total) - np.log(good)))
+        return missed + 0.5 * float(weights @ pull), design.T @ slope + pull
+
+    found = minimize(loss, np.zeros(design.shape[1]), jac=True, method="L-BFGS-B", options={"maxiter": 400})
+    return _parts(np.asarray(found.x), knots)
+
+
+def _design(cues: Sequence[FloatArray], knots: Sequence[FloatArray]) -> csr_matrix:
+    """Ones for the bias, and the weights of the knots of all cues."""
     from scipy.sparse import hstack
 
     hats = [hat_weights(values, places) for values, places in zip(cues, knots, strict=True)]
-    design = hstack([csr_matrix(np.ones((len(rock), 1))), *hats]).tocsr()
-    penalty = len(rock) * _penalty([len(k) for k in knots], stiffness)
-    weights = _newton(design, rock.astype(float), penalty)
+    return hstack([csr_matrix(np.ones((len(cues[0]), 1))), *hats]).tocsr()
+
+
+def _parts(weights: FloatArray, knots: Sequence[FloatArray]) -> AdditiveFit:
+    """Bias and evidence from the fitted weights of a design."""
     parts = np.split(weights[1:], np.cumsum([len(k) for k in knots])[:-1])
     # Rows of hats sum to one: what all knots of a cue share belongs to the bias.
     return AdditiveFit(

@@ -33,8 +33,8 @@ CLAST_CUES = (
 CUE_NAMES = ("lightness", "green_red", "blue_yellow", "roughness", "likeness")
 SKY_CUES = ("lightness", "green_red", "blue_yellow", "texture", "texture_over", "texture_level", "row")
 PARTING_CUES = (
-    *("smaller", "whole_fill", "fill_gain", "least_fill", "chord", "blue_share", "blue_step", "level"),
-    *("score_dip", "lit_above", "hue_step", "light_step", "crease"),
+    *("area", "smaller", "whole_fill", "least_fill", "ellipse_gain", "ellipse_lack", "chord", "bend", "lesser_bend"),
+    *("level", "above", "light_step", "lit_above", "hue_beside", "score_dip", "score_drop"),
 )
 LIMITS: Limits = {
     "soil.window_px": (1, 99),
@@ -144,21 +144,24 @@ class Parting(_Table, frozen=True, kw_only=True):
     """Evidence that a straight line through a blob parts two rocks, in log odds; see `perception.rock_parting`."""
 
     bias: float
-    threshold: float  # evidence that the best line must have
+    threshold: float  # log odds that all lines together must have that one of them parts two rocks
     least_px: int  # pixels that a cut must leave on either side
-    smaller: Cue | None = None  # decimal logarithm of the pixels of the smaller part
+    area: Cue | None = None  # decimal logarithm of the pixels of the blob
+    smaller: Cue | None = None  # the same of the smaller part
     whole_fill: Cue | None = None  # area over that of the ellipse with the same moments: of the blob
-    fill_gain: Cue | None = None  # mean of the two parts minus the blob
     least_fill: Cue | None = None  # the lesser of the two parts
+    ellipse_gain: Cue | None = None  # fill times area, of both parts minus the blob, over the smaller part's area
+    ellipse_lack: Cue | None = None  # what the blob's fill lacks of 1, times its area, over the smaller part's
     chord: Cue | None = None  # length of the cut over the root of the smaller area
-    blue_share: Cue | None = None  # share of the blob's variance of b* that lies between the parts
-    blue_step: Cue | None = None  # difference of b* between the two pixels on either side of the cut
+    bend: Cue | None = None  # how deep the outline bends in at that end of the cut where it does so more, pixels
+    lesser_bend: Cue | None = None  # and at the other end
     level: Cue | None = None  # 1 where the cut is level, 0 where it is upright
-    score_dip: Cue | None = None  # rock score along the cut minus the blob's
-    lit_above: Cue | None = None  # L* of the upper part minus the lower's, times `level`
-    hue_step: Cue | None = None  # difference of b* / L* between the parts
+    above: Cue | None = None  # the same, negative where the smaller part lies below
     light_step: Cue | None = None  # step of L* at the cut over the blob's standard deviation
-    crease: Cue | None = None  # L* along the cut minus the darker part's
+    lit_above: Cue | None = None  # L* of the smaller part minus that of 3 pixels of the other beside it, times `above`
+    hue_beside: Cue | None = None  # difference of b* / L* between the same two
+    score_dip: Cue | None = None  # rock score along the cut minus the blob's
+    score_drop: Cue | None = None  # and minus the smaller part's
 
     def named(self) -> tuple[tuple[str, Cue], ...]:
         """Name and evidence of the cues that are there."""

@@ -21,7 +21,7 @@ SECOND_CUES = tuple(CLAST_CUES)
 QUANTILES = (0.005, 0.02, 0.06, 0.15, 0.35, 0.65, 0.85, 0.94, 0.98, 0.995)  # of a cue's values, where its knots are
 CLAST_QUANTILES = (0.1, 0.3, 0.5, 0.7, 0.9)  # of its values on clasts: these are few
 STIFFNESS = 1e-3
-ROCK_CUT = 0.35  # of 0.14 to 0.65 the best for rocks from 10 cm on worlds 300 to 329
+ROCK_CUT = 0.25  # of 0.2 to 0.45 the best for rocks from 10 cm on worlds 330 to 359, with their sizes
 _STRIDE = 6, 4  # of the pixels that the first and the second look learn from
 
 

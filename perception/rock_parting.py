@@ -1,9 +1,10 @@
 """Blobs that show several rocks are cut along straight lines, where learned evidence speaks for it.
 
-Each blob is swept by lines in eight directions. What lies on either side of a line, and along it, gives thirteen
-measures: do both parts fill an ellipse better than the whole, is the line short, does it run along an edge, a dark
-crease or a streak of soil, do the sides differ in hue. The evidence of the measures adds up, in natural logarithms of
-odds, as that of rock pixels does (`CueSet`); the line with most wins if it has enough, and both parts are tried again.
+Each blob is swept by lines in eight directions. What lies on either side of a line, and along it, gives sixteen
+measures: do both parts fill an ellipse better than the whole, is the line short, does the outline bend in at its ends,
+does it run along an edge or a streak of soil, do the sides differ in hue or light. The evidence of the measures adds
+up, in natural logarithms of the odds of this line against no cut at all; the line with most wins if all lines together
+speak well enough for a cut, and both parts are tried again.
 Cutting a cluster between its concave places is the classical way (for example Bai, Sun and Zhou, Pattern Recognition
 42(11), 2009); here the place of a cut is learned from pictures whose rocks are known, since a small rock in front of
 another one rarely leaves two clear concavities.
@@ -19,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from perception.blobs import Blobs, measured_blobs
+from perception.evidence import evidence_table
 from perception.knowledge_base import PARTING_CUES, Parting
 from worlds.types import BoolArray, FloatArray, IntArray
 
@@ -26,11 +28,14 @@ SingleArray = NDArray[np.float32]
 Integers = NDArray[np.signedinteger[Any]]
 DIRECTIONS = 8
 MEASURES = len(PARTING_CUES)
-MOST_FILL = 0.92  # what fills its ellipse better is one rock: where every line was tried, none of these had enough
-_MOST_PARTS = 8  # of one blob
+MOST_FILL = 0.97  # what fills its ellipse better is one rock: of a hundred cuts that gain one, one is lost by this
+BEND_REACH_PX = (1, 2, 3, 5)  # on either side of the cut, where the outline is looked at
+_MOST_PARTS = 16  # of one blob
 _PIXEL_VARIANCE = 1.0 / 12.0  # a pixel is a unit square
-_NOTHING = np.zeros(6)
-_SPREAD_FLOOR = np.array([0.5, 0.2])  # variance of L* and b* that noise alone gives
+_LIGHT_FLOOR = 0.5  # variance of L* that noise alone gives
+_BESIDE_PX = 3
+_TERMS = 9  # of a pixel: 1, x, y, x^2, y^2, x y, L*, b*, score
+_EMPTY = 1e6  # pixels; how far a strip without pixels reaches inwards
 
 
 def part_rocks(blobs: Blobs, lab: SingleArray, score: SingleArray, know: Parting, min_area_px: int) -> Blobs:
@@ -39,22 +44,16 @@ def part_rocks(blobs: Blobs, lab: SingleArray, score: SingleArray, know: Parting
     ``lab`` (H, W, 3) is the low-passed picture with even light, ``score`` (H, W) the rock score.
     """
     labels = blobs.labels.copy()
-    knots, evidence = _tables(know)
-    _part_all(labels, blobs.box_px, lab, score, know.least_px, know.bias - know.threshold, knots, evidence)
+    _part_all(labels, blobs.box_px, lab, score, know.least_px, know.bias - know.threshold, _tables(know))
     return measured_blobs(labels, min_area_px)
 
 
 @lru_cache(maxsize=8)
-def _tables(know: Parting) -> tuple[FloatArray, FloatArray]:
-    """Knots and evidence, each (measures, most knots), short ones continued level; without a cue all zero."""
-    most = max((len(cue.value) for _, cue in know.named()), default=2)
-    knots = np.tile(np.arange(most, dtype=np.float64), (MEASURES, 1))
-    evidence = np.zeros((MEASURES, most))
-    for name, cue in know.named():
-        row, count = PARTING_CUES.index(name), len(cue.value)
-        knots[row] = [*cue.value, *(cue.value[-1] + 1.0 + np.arange(most - count))]
-        evidence[row] = [*cue.evidence, *[cue.evidence[-1]] * (most - count)]
-    return knots, evidence
+def _tables(know: Parting) -> SingleArray:
+    """Sampled evidence of all cues (measures, 2 + samples); of a cue that is not there all zero."""
+    named = {name: evidence_table(cue.value, cue.evidence) for name, cue in know.named()}
+    nothing = np.zeros_like(evidence_table((0.0, 1.0), (0.0, 0.0)))
+    return np.stack([named.get(name, nothing) for name in PARTING_CUES])
 
 
 @numba.njit(cache=True)
@@ -65,8 +64,7 @@ def _part_all(
     score: SingleArray,
     least_px: int,
     bias: float,
-    knots: FloatArray,
-    evidence: FloatArray,
+    tables: SingleArray,
 ) -> None:
     """Cut the blobs of ``labels`` (H, W) in place; new parts get the next free labels."""
     free = len(boxes) + 1
@@ -79,8 +77,8 @@ def _part_all(
             measures, lines = all_cuts(labels, lab, score, label, box, least_px)
             if len(lines) == 0:
                 continue
-            best, most = _most_likely(measures, knots, evidence)
-            if most + bias > 0.0:
+            best, odds = _most_likely(measures, tables)
+            if odds + bias > 0.0:
                 cut(labels, label, box, lines[best], free)
                 waiting.append(label)
                 waiting.append(free)
@@ -127,20 +125,18 @@ def _connected(labels: IntArray, box: IntArray, blob: int, first: int, free: int
 
 
 @numba.njit(cache=True)
-def _most_likely(measures: FloatArray, knots: FloatArray, evidence: FloatArray) -> tuple[int, float]:
-    """The line with most evidence of all cues, and how much that is."""
-    best, most = 0, -np.inf
+def _most_likely(measures: FloatArray, tables: SingleArray) -> tuple[int, float]:
+    """The line with most evidence of all cues; and the logarithm of the odds of all lines together."""
+    best, most, odds, last = 0, -np.inf, 0.0, tables.shape[1] - 3
     for line in range(len(measures)):
         total = 0.0
-        for cue in range(measures.shape[1]):
-            value, places, high = measures[line, cue], knots[cue], 1
-            while high < len(places) - 1 and value > places[high]:
-                high += 1
-            share = min(max((value - places[high - 1]) / (places[high] - places[high - 1]), 0.0), 1.0)
-            total += evidence[cue, high - 1] + share * (evidence[cue, high] - evidence[cue, high - 1])
+        for cue in range(MEASURES):
+            place = min(max((measures[line, cue] - tables[cue, 0]) * tables[cue, 1], 0.0), last)
+            total += tables[cue, 2 + int(place + 0.5)]
+        odds += np.exp(total)
         if total > most:
             best, most = line, total
-    return best, most
+    return best, np.log(odds)
 
 
 @numba.njit(cache=True)
@@ -157,7 +153,7 @@ def cut(labels: IntArray, label: int, box: IntArray, line: IntArray, new: int) -
 def all_cuts(
     labels: IntArray, lab: SingleArray, score: SingleArray, label: int, box: IntArray, least_px: int
 ) -> tuple[FloatArray, IntArray]:
-    """Measures (N, 13) of all lines that leave ``least_px`` pixels of a blob on either side; and the lines.
+    """Measures (N, 16) of all lines that leave ``least_px`` pixels of a blob on either side; and the lines.
 
     None for a blob that fills its ellipse by more than `MOST_FILL`. A line (N, 2) is a direction and the number of
     steps of one pixel to it.
@@ -166,20 +162,17 @@ def all_cuts(
     measures, lines = np.empty((most, MEASURES)), np.empty((most, 2), dtype=np.int32)
     count = 0
     pixels = _pixels(labels, lab, score, label, box)
-    whole = np.zeros(pixels.shape[1])
-    for pixel in range(len(pixels)):
-        whole += pixels[pixel]
-    whole_fill = _fill(whole, _NOTHING) if len(pixels) >= 2 * least_px else np.inf
-    if whole_fill > MOST_FILL:
+    fill, spread = _whole(pixels) if len(pixels) >= 2 * least_px else (np.inf, 0.0)
+    if fill > MOST_FILL:
         return measures[:0], lines[:0]
     for direction in range(DIRECTIONS):
-        strips, before = _strips(pixels, direction, box), np.zeros(pixels.shape[1])
+        sums, reach = _strips(pixels, direction, box)
         down = np.sin(np.pi * direction / DIRECTIONS)
-        for line in range(1, len(strips)):
-            before += strips[line - 1]
-            there = strips[line, 0] > 0.0 and strips[line - 1, 0] > 0.0
-            if there and before[0] >= least_px and len(pixels) - before[0] >= least_px:
-                _measure(strips, line, before, whole, whole_fill, down, measures[count])
+        for line in range(1, len(reach)):
+            first = sums[line, 0]
+            there = sums[line - 1, 0] < first < sums[line + 1, 0]
+            if there and first >= least_px and len(pixels) - first >= least_px:
+                _measure(sums, reach, line, fill, spread, down, measures[count])
                 lines[count] = direction, line
                 count += 1
     return measures[:count], lines[:count]
@@ -195,88 +188,111 @@ def _sweep(direction: int, box: IntArray) -> tuple[float, float, float]:
 
 @numba.njit(cache=True)
 def _pixels(labels: IntArray, lab: SingleArray, score: SingleArray, label: int, box: IntArray) -> FloatArray:
-    """Terms of the sums of each pixel of a blob: 1, x, y, x^2, y^2, x y, L*, L*^2, b*, b*^2, score."""
-    terms = np.empty((box[2] * box[3], 11))
+    """Terms (N, 9) of the sums of each pixel of a blob."""
+    terms = np.empty((box[2] * box[3], _TERMS))
     count = 0
     for y in range(box[3]):
         for x in range(box[2]):
             if labels[box[1] + y, box[0] + x] == label:
-                light, blue = lab[box[1] + y, box[0] + x, 0], lab[box[1] + y, box[0] + x, 2]
                 term = terms[count]
                 term[0], term[1], term[2], term[3], term[4], term[5] = 1.0, x, y, x * x, y * y, x * y
-                term[6], term[7], term[8], term[9] = light, light * light, blue, blue * blue
-                term[10] = score[box[1] + y, box[0] + x]
+                term[6], term[7] = lab[box[1] + y, box[0] + x, 0], lab[box[1] + y, box[0] + x, 2]
+                term[8] = score[box[1] + y, box[0] + x]
                 count += 1
     return terms[:count]
 
 
 @numba.njit(cache=True)
-def _strips(pixels: FloatArray, direction: int, box: IntArray) -> FloatArray:
-    """Sums of the terms (N, 11) of the pixels over strips one pixel wide."""
-    across, down, start = _sweep(direction, box)
-    strips = np.zeros((int((box[2] - 1) * abs(across) + (box[3] - 1) * down) + 2, pixels.shape[1]))
+def _whole(pixels: FloatArray) -> tuple[float, float]:
+    """Fill of a blob, and the standard deviation of its L*."""
+    sums = np.zeros((2, _TERMS))
     for i in range(len(pixels)):
-        strip = strips[int(pixels[i, 1] * across + pixels[i, 2] * down - start)]
-        for column in range(pixels.shape[1]):
-            strip[column] += pixels[i, column]
-    return strips
+        for term in range(_TERMS):
+            sums[1, term] += pixels[i, term]
+    squares = np.sum((pixels[:, 6] - sums[1, 6] / len(pixels)) ** 2)
+    return _fill(sums, 0, 1), np.sqrt(squares / len(pixels) + _LIGHT_FLOOR)
 
 
 @numba.njit(cache=True)
-def _fill(sums: FloatArray, less: FloatArray) -> float:
+def _strips(pixels: FloatArray, direction: int, box: IntArray) -> tuple[FloatArray, FloatArray]:
+    """Sums of the terms over all strips, one pixel wide, before each line (N + 1, 9); and where each begins and ends.
+
+    The latter (N, 2) is measured along the lines; a strip without pixels ends before it begins.
+    """
+    across, down, start = _sweep(direction, box)
+    count = int((box[2] - 1) * abs(across) + (box[3] - 1) * down) + 2
+    sums, reach = np.zeros((count + 1, _TERMS)), np.empty((count, 2))
+    reach[:, 0], reach[:, 1] = _EMPTY, -_EMPTY
+    for i in range(len(pixels)):
+        x, y = pixels[i, 1], pixels[i, 2]
+        strip, along = int(x * across + y * down - start), y * across - x * down
+        reach[strip, 0], reach[strip, 1] = min(reach[strip, 0], along), max(reach[strip, 1], along)
+        for term in range(_TERMS):
+            sums[strip + 1, term] += pixels[i, term]
+    for strip in range(count):
+        for term in range(_TERMS):
+            sums[strip + 1, term] += sums[strip, term]
+    return sums, reach
+
+
+@numba.njit(cache=True)
+def _fill(sums: FloatArray, low: int, high: int) -> float:
     """Area over that of the ellipse with the same second moments: 1 for ellipses, less for what is not convex.
 
-    Of what ``sums`` hold without ``less``, both as in `_strips`.
+    Of the pixels that the ``sums`` (N, 9) hold before ``high`` and not before ``low``.
     """
-    count = sums[0] - less[0]
-    x, y = (sums[1] - less[1]) / count, (sums[2] - less[2]) / count
-    xx, yy = (
-        (sums[3] - less[3]) / count - x * x + _PIXEL_VARIANCE,
-        (sums[4] - less[4]) / count - y * y + _PIXEL_VARIANCE,
-    )
-    xy = (sums[5] - less[5]) / count - x * y
+    count = sums[high, 0] - sums[low, 0]
+    x, y = (sums[high, 1] - sums[low, 1]) / count, (sums[high, 2] - sums[low, 2]) / count
+    xx = (sums[high, 3] - sums[low, 3]) / count - x * x + _PIXEL_VARIANCE
+    yy = (sums[high, 4] - sums[low, 4]) / count - y * y + _PIXEL_VARIANCE
+    xy = (sums[high, 5] - sums[low, 5]) / count - x * y
     return float(count / (4.0 * np.pi * np.sqrt(max(xx * yy - xy * xy, 1e-9))))
 
 
 @numba.njit(cache=True)
-def _mean(strips: FloatArray, low: int, high: int, column: int) -> float:
-    """Mean of a column over the strips from ``low`` to before ``high``."""
-    count, total = 0.0, 0.0
-    for strip in range(max(low, 0), min(high, len(strips))):
-        count += strips[strip, 0]
-        total += strips[strip, column]
-    return total / count
+def _mean(sums: FloatArray, low: int, high: int, term: int) -> float:
+    """Mean of a term over the strips from ``low`` to before ``high``."""
+    low, high = max(low, 0), min(high, len(sums) - 1)
+    return float((sums[high, term] - sums[low, term]) / (sums[high, 0] - sums[low, 0]))
+
+
+@numba.njit(cache=True)
+def _bends(reach: FloatArray, line: int) -> tuple[float, float]:
+    """How far the ends of a cut lie inside the straight lines between the outline on either side of it, pixels."""
+    low, high = max(reach[line - 1, 0], reach[line, 0]), min(reach[line - 1, 1], reach[line, 1])
+    one, other = -3.0, -3.0
+    for away in BEND_REACH_PX:
+        i, j = line - 1 - away, line + away
+        if i >= 0 and j < len(reach) and reach[i, 1] >= reach[i, 0] and reach[j, 1] >= reach[j, 0]:
+            one = max(one, low - (reach[i, 0] + reach[j, 0]) / 2)
+            other = max(other, (reach[i, 1] + reach[j, 1]) / 2 - high)
+    return max(one, other), min(one, other)
 
 
 @numba.njit(cache=True)
 def _measure(
-    strips: FloatArray,
-    line: int,
-    before: FloatArray,
-    whole: FloatArray,
-    whole_fill: float,
-    down: float,
-    out: FloatArray,
+    sums: FloatArray, reach: FloatArray, line: int, whole_fill: float, spread: float, down: float, out: FloatArray
 ) -> None:
     """The measures of one line between two strips, in the order of `PARTING_CUES`; ``down`` is that of its normal."""
-    count, first, second = whole[0], before[0], whole[0] - before[0]
-    smaller, weight = min(first, second), first * second / (count * count)
-    first_fill, second_fill = _fill(before, _NOTHING), _fill(whole, before)
-    near, far = strips[line - 1], strips[line]
-    light, other_light = before[6] / first, (whole[6] - before[6]) / second
-    blue, other_blue = before[8] / first, (whole[8] - before[8]) / second
-    light_spread = whole[7] / count - (whole[6] / count) ** 2 + _SPREAD_FLOOR[0]
-    blue_spread = whole[9] / count - (whole[8] / count) ** 2 + _SPREAD_FLOOR[1]
-    out[0] = np.log10(smaller)
-    out[1] = whole_fill
-    out[2] = (first * first_fill + second * second_fill) / count - whole_fill
-    out[3] = min(first_fill, second_fill)
-    out[4] = min(near[0], far[0]) / np.sqrt(smaller)
-    out[5] = (blue - other_blue) ** 2 * weight / blue_spread
-    out[6] = abs(_mean(strips, line - 2, line, 8) - _mean(strips, line, line + 2, 8))
-    out[7] = down
-    out[8] = min(near[10] / near[0], far[10] / far[0]) - whole[10] / count
-    out[9] = (light - other_light) * down
-    out[10] = abs(blue / max(light, 0.1) - other_blue / max(other_light, 0.1))
-    out[11] = abs(_mean(strips, line - 2, line, 6) - _mean(strips, line, line + 2, 6)) / np.sqrt(light_spread)
-    out[12] = min(near[6] / near[0], far[6] / far[0]) - min(light, other_light)
+    end = len(reach)
+    count, first = sums[end, 0], sums[line, 0]
+    smaller, near, far = min(first, count - first), first - sums[line - 1, 0], sums[line + 1, 0] - first
+    first_fill, second_fill = _fill(sums, 0, line), _fill(sums, line, end)
+    if 2 * first <= count:
+        low, high, beside, beyond, above = 0, line, line, line + _BESIDE_PX, down
+    else:
+        low, high, beside, beyond, above = line, end, line - _BESIDE_PX, line, -down
+    light, other_light = _mean(sums, low, high, 6), _mean(sums, beside, beyond, 6)
+    blue, other_blue = _mean(sums, low, high, 7), _mean(sums, beside, beyond, 7)
+    score = min(_mean(sums, line - 1, line, 8), _mean(sums, line, line + 1, 8))
+    out[0], out[1] = np.log10(count), np.log10(smaller)
+    out[2], out[3] = whole_fill, min(first_fill, second_fill)
+    out[4] = (first * first_fill + (count - first) * second_fill - count * whole_fill) / smaller
+    out[5] = count * (1.0 - whole_fill) / smaller
+    out[6] = min(near, far) / np.sqrt(smaller)
+    out[7], out[8] = _bends(reach, line)
+    out[9], out[10] = down, above
+    out[11] = abs(_mean(sums, line - 2, line, 6) - _mean(sums, line, line + 2, 6)) / spread
+    out[12] = above * (light - other_light)
+    out[13] = abs(blue / max(light, 0.1) - other_blue / max(other_light, 0.1))
+    out[14], out[15] = score - sums[end, 8] / count, score - _mean(sums, low, high, 8)

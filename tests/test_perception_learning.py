@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from perception.additive_fit import fit_additive, hat_weights, quantile_knots
+from perception.additive_fit import fit_additive, fit_choice, hat_weights, quantile_knots
 from perception.rock_score import RockCounts, count_rocks, match_objects
 from perception.scenes import scene_groups, sol_of
 from worlds.errors import InputError
@@ -65,6 +65,29 @@ def test_a_known_curve_is_learned_back() -> None:
     learned = fit.bias + fit.evidence[0]
     assert learned == pytest.approx([3.5, 1.5, -0.5, 1.5, 3.5], abs=0.25)
     assert np.abs(fit.evidence[1]).max() < 0.15
+
+
+def test_odds_of_choices_are_learned_back() -> None:
+    """Three choices a group, or none: the odds of each are the exponential of a known curve of its cue."""
+    rng = np.random.default_rng(4)
+    groups, choices = 8_000, 3
+    cue = rng.uniform(-4, 4, (groups, choices))
+    odds = np.exp(-1.5 + np.abs(cue))
+    share = rng.random(groups) * (1 + odds.sum(axis=1))
+    taken = np.argmax(share[:, None] < np.cumsum(np.column_stack([odds, np.ones(groups)]), axis=1), axis=1)
+    right = np.arange(choices) == taken[:, None]
+    group = np.repeat(np.arange(groups), choices)
+    knots = [np.array([-4.0, -2.0, 0.0, 2.0, 4.0])]
+    fit = fit_choice([cue.ravel()], right.ravel(), group, np.ones(groups), knots, 1e-6)
+    assert fit.bias + fit.evidence[0] == pytest.approx([2.5, 0.5, -1.5, 0.5, 2.5], abs=0.2)
+
+
+def test_groups_without_weight_teach_nothing() -> None:
+    cue, group = np.tile([0.0, 1.0], 4), np.repeat(np.arange(4), 2)
+    right = np.array([False, True, False, True, True, False, True, False])
+    knots = [np.array([0.0, 1.0])]
+    fit = fit_choice([cue], right, group, np.array([1.0, 1.0, 0.0, 0.0]), knots, 0.0)
+    assert fit.evidence[0][1] > fit.evidence[0][0] + 2
 
 
 def test_equal_quantiles_are_one_knot() -> None:

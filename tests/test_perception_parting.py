@@ -52,31 +52,45 @@ def test_measures_of_the_line_between_two_squares() -> None:
     lab[:, 17:, 0] = 60.0  # the right half is brighter, of the same hue
     lab[:, 17:, 2] = 15.0
     found = cuts_of(labels, lab)[UPRIGHT, 7]
+    assert found["area"] == pytest.approx(np.log10(76))
     assert found["smaller"] == pytest.approx(np.log10(38))
     assert found["chord"] == pytest.approx(2 / np.sqrt(38))
-    assert found["level"] == 0.0
-    assert found["lit_above"] == 0.0
-    assert found["hue_step"] == pytest.approx(0.0, abs=1e-6)
-    assert found["blue_step"] == pytest.approx(5.0)
-    # Halves at 10 and 15: all of the variance of 6.25 lies between them, over it and the floor of 0.2.
-    assert found["blue_share"] == pytest.approx(6.25 / 6.45)
+    assert found["level"] == found["above"] == found["lit_above"] == 0.0
+    assert found["hue_beside"] == pytest.approx(0.0, abs=1e-6)
     assert found["light_step"] == pytest.approx(20.0 / np.sqrt(100.5))
-    assert found["crease"] == pytest.approx(0.0)
-    # A square fills the ellipse with its moments by 3 / pi.
-    assert found["fill_gain"] > 0.1
-    assert found["whole_fill"] == pytest.approx(76 / (4 * np.pi * np.sqrt(18.018 * 2.860)), abs=1e-4)
+    assert found["score_dip"] == found["score_drop"] == 0.0
+    # The bridge lies 2 pixels under the upper sides of the squares and 2 over the lower ones.
+    assert found["bend"] == found["lesser_bend"] == 2.0
+    # A square fills the ellipse with its moments by 3 / pi; the halves are nearly squares.
+    fill = 76 / (4 * np.pi * np.sqrt(18.018 * 2.860))
+    assert found["whole_fill"] == pytest.approx(fill, abs=1e-4)
     assert found["least_fill"] == pytest.approx(3 / np.pi, abs=0.05)
+    assert found["ellipse_lack"] == pytest.approx((1 - fill) * 2, abs=1e-3)
+    assert found["ellipse_gain"] == pytest.approx((found["least_fill"] - fill) * 2, abs=1e-3)
 
 
-def test_soil_and_shadow_along_a_cut_show() -> None:
+def test_soil_and_light_along_a_cut_show() -> None:
     labels = squares((10, 10, 16, 5), (12, 15, 5, 9))
     score, lab = np.ones(labels.shape), evenly(labels)
     score[15], lab[15, :, 0] = 0.4, 20.0
     found = cuts_of(labels, lab, score)[LEVEL, 5]
+    lower = (40 * 40 + 20 * 5) / 45  # the smaller part: a darker row of 5 in 45
     assert found["level"] == pytest.approx(1.0)
-    assert found["crease"] == pytest.approx(20.0 - (40 * 40 + 20 * 5) / 45, abs=1e-4)  # lower part: a row of 5 in 45
+    assert found["above"] == pytest.approx(-1.0)
+    assert found["lit_above"] == pytest.approx(40.0 - lower, abs=1e-4)
+    assert found["hue_beside"] == pytest.approx(10 / lower - 10 / 40, abs=1e-6)
     assert found["score_dip"] == pytest.approx(0.4 - (125 - 5 * 0.6) / 125, abs=1e-6)
-    assert found["lit_above"] == pytest.approx(40.0 - (40 * 40 + 20 * 5) / 45, abs=1e-4)
+    assert found["score_drop"] == pytest.approx(0.4 - (45 - 5 * 0.6) / 45, abs=1e-6)
+
+
+def test_a_bump_on_a_rock_bends_the_outline_at_both_ends_of_its_cut_and_a_corner_at_one() -> None:
+    bump, corner = squares((10, 16, 30, 14), (20, 10, 7, 6)), squares((10, 16, 30, 14), (10, 10, 7, 6))
+    found = cuts_of(bump, evenly(bump))[LEVEL, 6]
+    assert (found["bend"], found["lesser_bend"]) == pytest.approx(
+        (6.5, 5.0)
+    )  # half of the 13 and 10 that the rock is broader
+    found = cuts_of(corner, evenly(corner))[LEVEL, 6]
+    assert (found["bend"], found["lesser_bend"]) == pytest.approx((11.5, 0.0))
 
 
 def test_a_convex_blob_has_no_cuts_and_small_ones_neither() -> None:
@@ -98,7 +112,8 @@ def test_the_cut_is_where_its_side_says(line: tuple[int, int]) -> None:
 
 
 def rule(**cues: Cue) -> Parting:
-    return Parting(bias=0.0, threshold=0.5, least_px=10, **cues)
+    """A blob is cut if the odds of all its lines reach 1: two hundred lines of no evidence have 0.2."""
+    return Parting(bias=-7.0, threshold=0.0, least_px=10, **cues)
 
 
 def parted(labels: IntArray, lab: FloatArray, know: Parting, least_px: int = 1) -> Blobs:
@@ -108,11 +123,11 @@ def parted(labels: IntArray, lab: FloatArray, know: Parting, least_px: int = 1) 
 
 def test_evidence_of_a_short_line_parts_three_rocks_in_a_row() -> None:
     labels = squares((2, 10, 8, 8), (12, 10, 8, 8), (22, 10, 8, 8), (10, 13, 12, 2))
-    short = Cue(value=(0.2, 0.4), evidence=(1.0, -1.0))
+    short = Cue(value=(0.26, 0.4), evidence=(12.0, -12.0))
     found = parted(labels, evenly(labels), rule(chord=short))
     assert len(found) == 3
     assert int(found.area_px.sum()) == int(labels.sum())
-    assert len(parted(labels, evenly(labels), rule(chord=Cue(value=(0.2, 0.4), evidence=(0.4, -1.0))))) == 1
+    assert len(parted(labels, evenly(labels), rule(chord=Cue(value=(0.26, 0.4), evidence=(4.0, -12.0))))) == 1
     assert len(parted(labels, evenly(labels), rule())) == 1
 
 
@@ -120,7 +135,7 @@ def test_evidence_of_hue_finds_the_border_of_two_rocks() -> None:
     labels = squares((10, 10, 14, 7), (20, 17, 12, 9))
     lab = evenly(labels)
     lab[17:, :, 2] = -4.0
-    found = parted(labels, lab, rule(hue_step=Cue(value=(0.0, 0.4), evidence=(-1.0, 1.0))))
+    found = parted(labels, lab, rule(hue_beside=Cue(value=(0.0, 0.4), evidence=(-12.0, 14.0))))
     assert len(found) == 2
     assert sorted(found.area_px.tolist()) == [14 * 7, 12 * 9]
 
@@ -130,7 +145,7 @@ def test_a_line_that_cuts_a_crooked_blob_twice_leaves_three_parts() -> None:
     labels = squares((10, 10, 6, 12), (26, 10, 6, 12), (10, 22, 22, 6))
     lab = evenly(labels)
     lab[:22, :, 2] = -4.0
-    found = parted(labels, lab, rule(hue_step=Cue(value=(0.0, 0.4), evidence=(-1.0, 1.0))))
+    found = parted(labels, lab, rule(hue_beside=Cue(value=(0.0, 0.4), evidence=(-12.0, 14.0))))
     assert sorted(found.area_px.tolist()) == [72, 72, 132]
     for number in range(3):
         assert cv2.connectedComponents((found.labels == number + 1).astype(np.uint8))[0] == 2
@@ -147,7 +162,7 @@ def test_every_blob_of_a_rendered_picture_is_one_piece_and_perceived_alike_twice
 
 def test_parts_that_are_too_small_are_dropped() -> None:
     labels = squares((10, 10, 12, 12), (22, 14, 6, 2))
-    short = Cue(value=(0.6, 0.8), evidence=(1.0, -1.0))
+    short = Cue(value=(0.6, 0.8), evidence=(12.0, -12.0))
     assert len(parted(labels, evenly(labels), rule(chord=short))) == 2
     assert parted(labels, evenly(labels), rule(chord=short), least_px=13).area_px.tolist() == [144]
 

@@ -8,27 +8,29 @@ from dataclasses import dataclass, replace
 import msgspec
 import numpy as np
 
-from perception.additive_fit import fit_additive, quantile_knots
+from perception.additive_fit import fit_choice, quantile_knots
 from perception.binarize import SingleArray
 from perception.blobs import Blobs, find_blobs
 from perception.knowledge_base import PARTING_CUES, Cue, Knowledge, Parting, cue_lines
 from perception.pipeline import View, prepare, rock_pixels, working_picture
-from perception.rock_parting import Integers, all_cuts, side_of
+from perception.rock_parting import Integers, all_cuts, cut, side_of
 from rover_sim.learning.rendered_views import RenderedView
 from worlds.types import BoolArray, FloatArray, IntArray
 
 QUANTILES = (0.01, 0.1, 0.25, 0.5, 0.75, 0.9, 0.97, 0.995)  # of a cue's values, where its knots are
-STIFFNESS = 1e-4
+STIFFNESS = 1e-3
 LEAST_PX = 10  # on either side of a cut
 LEAST_ROCK_PX = 8  # a part that shows a smaller rock gains nothing
+HARMLESS = 0.1  # weight of a blob that no cut makes better or worse
 
 
 @dataclass(frozen=True, eq=False)
 class CutSamples:
-    """Lines through blobs."""
+    """Lines through blobs and through what is left of them once cut rightly."""
 
-    measures: FloatArray  # (N, 13)
+    measures: FloatArray  # (N, 16)
     gain: IntArray  # (N,) rocks that have a blob of their own after the cut, minus before
+    blob: IntArray  # (N,) counts up from 0
 
 
 def cut_samples(view: RenderedView, know: Knowledge) -> CutSamples:
@@ -38,30 +40,41 @@ def cut_samples(view: RenderedView, know: Knowledge) -> CutSamples:
     true_px = np.bincount(ids.ravel())
     wanted = np.zeros(len(true_px), dtype=bool)
     wanted[view.rocks.ids[seen]] = True
+    labels = blobs.labels.copy()
     measures, gains = [np.empty((0, len(PARTING_CUES)))], [np.empty(0, dtype=np.int32)]
-    for blob in range(len(blobs)):
-        box = blobs.box_px[blob]
-        found, lines = all_cuts(blobs.labels, even, score, blob + 1, box, LEAST_PX)
+    waiting, free = [(blob + 1, blobs.box_px[blob]) for blob in range(len(blobs))], len(blobs) + 1
+    while waiting:
+        label, box = waiting.pop()
+        found, lines = all_cuts(labels, even, score, label, box, LEAST_PX)
+        if not len(lines):
+            continue
         here = (slice(box[1], box[1] + box[3]), slice(box[0], box[0] + box[2]))
-        y, x = np.nonzero(blobs.labels[here] == blob + 1)
+        y, x = np.nonzero(labels[here] == label)
         of = ids[here][y, x]
-        whole = _shows_one(of, true_px, wanted)
-        gain = np.zeros(len(lines), dtype=np.int32)
-        if whole or of.any():
-            for row, line in enumerate(lines):
-                far = side_of(x, y, line, box)
-                gain[row] = _shows_one(of[far], true_px, wanted) + _shows_one(of[~far], true_px, wanted) - whole
+        sides = [side_of(x, y, line, box) for line in lines]
+        pairs = (_shows_one(of[far], true_px, wanted) + _shows_one(of[~far], true_px, wanted) for far in sides)
+        gain = np.fromiter(pairs, np.int32, len(lines)) - _shows_one(of, true_px, wanted)
         measures.append(found)
         gains.append(gain)
-    return CutSamples(np.concatenate(measures), np.concatenate(gains))
+        if gain.max() > 0:
+            best = np.flatnonzero(gain == gain.max())
+            cut(labels, label, box, lines[best[len(best) // 2]], free)
+            waiting += [(label, box), (free, box)]
+            free += 1
+    counts = [len(gain) for gain in gains[1:]]
+    return CutSamples(np.concatenate(measures), np.concatenate(gains), np.repeat(np.arange(len(counts)), counts))
 
 
 def learn_parting(samples: Sequence[CutSamples], threshold: float) -> Parting:
-    """Evidence that a line gains a rock."""
+    """Evidence for the line that gains a rock, of all lines through a blob, or for none."""
     measures = np.concatenate([s.measures for s in samples])
-    gains = np.concatenate([s.gain for s in samples]) > 0
+    gain = np.concatenate([s.gain for s in samples])
+    before = np.cumsum([0, *(s.blob.max(initial=-1) + 1 for s in samples)])
+    blob = np.concatenate([s.blob + start for s, start in zip(samples, before, strict=False)])
+    weight = np.full(int(before[-1]), HARMLESS)
+    weight[blob[gain != 0]] = 1.0
     knots = [quantile_knots(column, QUANTILES) for column in measures.T]
-    fit = fit_additive(list(measures.T), gains, knots, STIFFNESS)
+    fit = fit_choice(list(measures.T), gain > 0, blob, weight, knots, STIFFNESS)
     cues = {
         name: Cue(value=_rounded(places), evidence=_rounded(evidence))
         for name, places, evidence in zip(PARTING_CUES, fit.knots, fit.evidence, strict=True)
