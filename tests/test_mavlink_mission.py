@@ -377,3 +377,18 @@ def test_of_two_stations_at_once_one_wins_whole_and_the_other_is_told(
     assert [item.x for item in yard.vehicle.store.items] == [item.x for item in OTHER]
     assert talk(yard, station, put(1)) == ([], [CANCELLED])  # back again, and told what became of it
     assert [item.x for item in yard.vehicle.store.items] == [item.x for item in OTHER]
+
+
+@pytest.mark.parametrize("refusal", [NO_SPACE, DENIED])
+def test_a_refused_list_takes_the_place_of_the_one_before(
+    yard: Yard, station: Station, other: Station, refusal: int
+) -> None:
+    """An item of the refused list must not be answered with the success of the list before."""
+    assert upload(yard, station, ITEMS) == [ACCEPTED]
+    if refusal == NO_SPACE:
+        assert talk(yard, station, count(CAPACITY + 1)) == ([], [NO_SPACE])
+    else:
+        talk(yard, other, count(1))
+        assert talk(yard, station, count(len(ITEMS))) == ([], [DENIED])
+        assert talk(yard, other, put(0, OTHER[0])) == ([], [ACCEPTED])
+    assert talk(yard, station, put(len(ITEMS) - 1)) == ([], [refusal])

@@ -114,10 +114,10 @@ class MissionServer:
         if store is None:
             self.acknowledge(client, mavlink.MAV_MISSION_UNSUPPORTED, message.mission_type)
         elif not self.claim(client, store.kind):
-            self.acknowledge(client, mavlink.MAV_MISSION_DENIED, store.kind)
+            self._close(client, store.kind, message.count, mavlink.MAV_MISSION_DENIED)
         elif message.count > store.capacity:
             self._say(f"{store.name} of {message.count} items refused, at most {store.capacity}")
-            self.acknowledge(client, mavlink.MAV_MISSION_NO_SPACE, store.kind)
+            self._close(client, store.kind, message.count, mavlink.MAV_MISSION_NO_SPACE)
         else:
             self._finished.pop((client, store.kind), None)
             upload = self._uploads[store.kind] = _Upload(client, store, message.count, now, now)
@@ -182,10 +182,14 @@ class MissionServer:
 
     def _end(self, upload: _Upload, result: int) -> None:
         del self._uploads[upload.store.kind]
-        self._finished[upload.client, upload.store.kind] = upload.count, result
+        self._close(upload.client, upload.store.kind, upload.count, result)
+
+    def _close(self, client: Client, kind: int, count: int, result: int) -> None:
+        """Give the result of a list, and keep it: a refused list too takes the place of the one before."""
+        self._finished[client, kind] = count, result
         if len(self._finished) > _REMEMBERED:
             del self._finished[next(iter(self._finished))]
-        self.acknowledge(upload.client, result, upload.store.kind)
+        self.acknowledge(client, result, kind)
 
     def _repeat(self, client: Client, kind: int, seq: int) -> None:
         """An item after the end: its sender may have missed the result, so it is told once more."""
