@@ -13,6 +13,7 @@ from rover_sim.autopilot.modes import MissionState, Mode
 from rover_sim.mavlink.mission_file import write_plan, write_waypoints
 from rover_sim.mavlink.persona import ARDUPILOT
 from rover_sim.mavlink.plan_items import mission_items
+from rover_sim.mavlink.tlog import SIMULATED_EPOCH_S
 from tests.mavlink_live import HOME, LiveRover, connected_pair, place
 
 
@@ -131,6 +132,7 @@ def test_telemetry_arrives(pair: tuple[LiveRover, Any]) -> None:
     here = place(live, live.rover.x_m, live.rover.y_m)
     live.until(lambda: abs(telemetry.position().latitude_deg - here.latitude_deg) < 1e-6, 3.0)
     live.until(lambda: abs(telemetry.home().latitude_deg - 38.4064) < 1e-6, 3.0)
+    live.until(lambda: telemetry.unix_epoch_time() >= SIMULATED_EPOCH_S * 1e6, 3.0)
     heading = telemetry.attitude_euler().yaw_deg
     assert heading == pytest.approx(90.0 - math.degrees(live.rover.yaw_rad), abs=2.0)
     telemetry.destroy()

@@ -191,14 +191,6 @@ def test_parameter_errors_are_told(yard: Yard, station: Station) -> None:
     assert (back[0].error, back[1].param_value) == (2, 0.25)
 
 
-def test_ping_and_timesync(yard: Yard, station: Station) -> None:
-    (answer,) = yard.ask(station, mavlink.MAVLink_ping_message(5, 6, 0, 0), "PING")
-    assert (answer.time_usec, answer.seq, answer.target_system, answer.target_component) == (5, 6, 255, 190)
-    (sync,) = yard.ask(station, mavlink.MAVLink_timesync_message(0, 1234), "TIMESYNC")
-    assert sync.ts1 == 1234
-    assert sync.tc1 > 0
-
-
 def test_long_texts_come_in_chunks() -> None:
     chunks = status_texts(4, "x" * 50 + "y" * 50, 9)
     assert [(chunk.id, chunk.chunk_seq, len(chunk.text)) for chunk in chunks] == [(9, 0, 50), (9, 1, 50), (9, 2, 0)]

@@ -1,4 +1,4 @@
-"""PING and TIMESYNC."""
+"""PING and TIMESYNC: answers that let others measure delay and the offset of clocks."""
 
 from __future__ import annotations
 
@@ -10,7 +10,10 @@ from rover_sim.mavlink.endpoint import Client
 
 
 class ClockService:
-    """Answers PING and TIMESYNC."""
+    """Answers PING and TIMESYNC by the time since start, as SYSTEM_TIME and all telemetry tell it.
+
+    A SYSTEM_TIME of a ground station sets nothing: the vehicle's clock is the simulation's.
+    """
 
     def __init__(self, context: Context) -> None:
         self._context = context
@@ -30,5 +33,5 @@ class ClockService:
 
     def _timesync(self, client: Client, message: Message) -> None:
         if message.tc1 == 0:
-            now_ns = round(self._context.time_s * 1e9)
+            now_ns = max(1, round(self._context.time_s * 1e9))  # 0 would make it a question
             self._context.endpoint.reply(client, mavlink.MAVLink_timesync_message(now_ns, message.ts1))

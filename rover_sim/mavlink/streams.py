@@ -9,6 +9,7 @@ from rover_sim.mavlink.dialect import mavlink
 # Hz for a ground station: what QGroundControl, MAVSDK and MAVProxy use of a rover (docs/mavlink.md).
 GROUND_STATION_RATES: Mapping[int, float] = {
     mavlink.MAVLINK_MSG_ID_HEARTBEAT: 1.0,
+    mavlink.MAVLINK_MSG_ID_SYSTEM_TIME: 1.0,
     mavlink.MAVLINK_MSG_ID_SYS_STATUS: 1.0,
     mavlink.MAVLINK_MSG_ID_GPS_RAW_INT: 2.0,
     mavlink.MAVLINK_MSG_ID_ATTITUDE: 10.0,
