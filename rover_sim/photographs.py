@@ -12,7 +12,7 @@ from rover_sim.files import atomic_path
 from rover_sim.sim.renderer import add_noise, make_renderer
 from rover_sim.sim.simulation import Simulation
 from worlds.geometry import camera_pose
-from worlds.types import CameraModel, World
+from worlds.types import ByteArray, CameraModel, World
 
 
 class Photographer:
@@ -24,15 +24,19 @@ class Photographer:
         self._simulation, self._camera, self._eye, self._rng = simulation, camera, eye, rng
         self._noise = world.scenario.camera.noise
         self._renderer = make_renderer(world, simulation.ruts)
+        self._picture()  # the first one takes a second, in which the link would be silent
 
     def take(self, path: Path) -> bool:
         """Write a PNG, whole or not at all; False once the camera has failed; raises OSError if it cannot write."""
         if self._simulation.time_s >= self._eye.fails_s:
             return False
-        pose = camera_pose(self._simulation.state.pose, self._camera)
-        image = add_noise(self._renderer.render(self._camera, pose).image, self._noise, self._rng)
+        image = self._picture()
         with atomic_path(path) as temporary:
             written = cv2.imwrite(str(temporary), image[..., ::-1])
             if not written:
                 raise OSError(f"{path}: cannot be written")
         return True
+
+    def _picture(self) -> ByteArray:
+        pose = camera_pose(self._simulation.state.pose, self._camera)
+        return add_noise(self._renderer.render(self._camera, pose).image, self._noise, self._rng)

@@ -72,7 +72,7 @@ def _mission(rng: random.Random) -> list[WireItem]:
         if kind <= 2:
             frame = rng.choice((0, 3, 5, 6))
             params = (rng.choice((0.0, 1.5, NAN)), rng.choice((0.0, 0.25, NAN)), 0.0, rng.choice((0.0, NAN)))
-            items.append(_at(rng, rng.choice((16, 16, 19)), frame, params, rng.choice((0.0, 2.5, NAN))))
+            items.append(_at(rng, rng.choice((16, 16, 17, 19)), frame, params, rng.choice((0.0, 2.5, NAN))))
         elif kind == 3:
             items.append(WireItem(2, 178, (1.0, 0.5, -1.0, 0.0), 0, 0, NAN))
         elif kind == 4:

@@ -162,6 +162,12 @@ def test_a_command_that_is_sent_again_takes_one_picture(yard: Yard, station: Sta
     yard.step(6.0)
     assert result(yard, station, command(START, 0, 0, 1, 6)) == 0  # a new client that counts from the same number
     assert len(station.take("CAMERA_IMAGE_CAPTURED")) == 2
+    for _ in range(3):  # MAVSDK's first has the number 0
+        assert result(yard, station, command(START, 0, 0, 1, 0)) == 0
+    assert len(station.take("CAMERA_IMAGE_CAPTURED")) == 1
+    yard.step(0.7)
+    assert result(yard, station, command(START, 0, 0, 1, 0)) == 0
+    assert len(station.take("CAMERA_IMAGE_CAPTURED")) == 1
 
 
 def test_pictures_at_an_interval(yard: Yard, station: Station, tmp_path: Path) -> None:

@@ -15,6 +15,7 @@ from rover_sim.mavlink.endpoint import Client
 
 LEAST_INTERVAL_S = 0.5
 _REPEAT_S = 5.0  # a capture command with the same number within this is the same command, sent again
+_UNNUMBERED_REPEAT_S = 0.6  # the same without a number, as MAVSDK's first one is; it repeats after 0.5 s
 _REMEMBERED = 1000  # pictures that can be told of again
 _COMMANDS = ("COMMAND_LONG", "COMMAND_INT")
 
@@ -109,8 +110,8 @@ class CameraService:
 
     def _single(self, request: Request) -> int:
         now = self._context.time_s
-        number, at_s = self._last.get(request.client, (0.0, -math.inf))
-        if request.p4 >= 1.0 and request.p4 == number and now - at_s < _REPEAT_S:
+        number, at_s = self._last.get(request.client, (-1.0, -math.inf))
+        if request.p4 == number and now - at_s < (_REPEAT_S if number >= 1.0 else _UNNUMBERED_REPEAT_S):
             return ACCEPTED  # the acknowledgement was lost, not the picture
         if not self._capture():
             return FAILED
