@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import hashlib
+import socket
+from contextlib import ExitStack
 from pathlib import Path
 
 import numpy as np
@@ -10,11 +12,15 @@ import pytest
 
 from rover_sim.errors import InputError
 from rover_sim.mavlink.dialect import MAVLINK_2, Message, Parser, mavlink
-from rover_sim.mavlink.endpoint import Channel, Link
+from rover_sim.mavlink.endpoint import Channel, Endpoint, Link
+from rover_sim.mavlink.faults import Faults
+from rover_sim.mavlink.faulty import FaultyLink
 from rover_sim.mavlink.signing import TICKS_PER_S, Signing, open_signing
 from rover_sim.mavlink.signing_file import SigningFile, Stream, Times, load_key
 from rover_sim.mavlink.streams import GROUND_STATION_RATES, Streams
 from rover_sim.mavlink.tlog import TlogWriter, read_tlog
+from rover_sim.mavlink.transport import parse_url
+from rover_sim.mavlink.udp import UdpIn
 from tests.mavlink_rig import Station, Yard
 
 KEY = hashlib.sha256(b"correct horse").digest()
@@ -172,6 +178,28 @@ def test_a_clock_that_was_wrong_does_not_lock_a_sender_out(yard: Yard, station: 
     assert obeyed(yard, station, Signer(clock).pack(PING))
     sent = [int.from_bytes(bytes(one.get_msgbuf())[-12:-6], "little") for one in station.take("HEARTBEAT")]
     assert sent[-1] < clock.ticks + 60 * TICKS_PER_S
+
+
+def test_strangers_hear_nothing_and_take_no_place(clock: Clock) -> None:
+    """More of them than a port has places, and then the real sender."""
+    port = UdpIn(parse_url("udpin:127.0.0.1:0"))
+    link = FaultyLink(port, Faults(), np.random.default_rng(1))
+    endpoint = Endpoint(1, 1, [Link(link, GROUND_STATION_RATES)], signer=Signing(KEY, clock))
+    unsigned = Station().packer.pack(PING)
+    with ExitStack() as stack:
+        sockets = [stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) for _ in range(41)]
+        for stranger in sockets[:-1]:
+            stranger.sendto(unsigned, ("127.0.0.1", port.port))
+            assert endpoint.poll(1.0) == []
+        assert endpoint.station_count == 0
+        sockets[-1].sendto(Signer(clock).pack(PING), ("127.0.0.1", port.port))
+        ((client, message),) = endpoint.poll(1.0)
+        assert (message.get_type(), client.channel.vouched) == ("PING", True)
+        for stranger in sockets[:-1]:
+            stranger.sendto(unsigned, ("127.0.0.1", port.port))
+        endpoint.poll(1.1)
+        assert endpoint.station_count == 1
+    endpoint.close()
 
 
 def test_radio_status_needs_no_signature(yard: Yard, station: Station, signing: Signing) -> None:

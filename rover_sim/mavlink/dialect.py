@@ -23,6 +23,7 @@ __all__ = [
     "Packer",
     "Parser",
     "Signer",
+    "is_signed",
     "mavlink",
     "mission_ack",
     "mission_count",
@@ -128,10 +129,15 @@ class Parser:
             return None
 
 
+def is_signed(frame: bytes | bytearray) -> bool:
+    """Whether a frame carries a signature, right or wrong."""
+    return frame[0] == MAVLINK_2 and bool(frame[2] & SIGNED_FLAG)
+
+
 def unsigned(message: Message) -> bytes:
     """The frame of a received message without its signature, which is no one else's business."""
     frame = bytearray(message.get_msgbuf())
-    if frame[0] != MAVLINK_2 or not frame[2] & SIGNED_FLAG:
+    if not is_signed(frame):
         return bytes(frame)
     frame[2] &= ~SIGNED_FLAG
     body = bytes(frame[: -SIGNATURE_BYTES - _CHECKSUM])

@@ -7,10 +7,20 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from rover_sim.mavlink.dialect import MAVLINK_1, MAVLINK_2, Message, Packer, Parser, Signer, mavlink, unsigned
+from rover_sim.mavlink.dialect import (
+    MAVLINK_1,
+    MAVLINK_2,
+    Message,
+    Packer,
+    Parser,
+    Signer,
+    is_signed,
+    mavlink,
+    unsigned,
+)
 from rover_sim.mavlink.streams import Streams
 from rover_sim.mavlink.tlog import TlogWriter
-from rover_sim.mavlink.transport import Transport
+from rover_sim.mavlink.transport import Learner, Transport
 
 # Not written to the log: a file that is fetched (it may be the log itself), and a secret key.
 _UNLOGGED = (mavlink.MAVLINK_MSG_ID_FILE_TRANSFER_PROTOCOL, mavlink.MAVLINK_MSG_ID_SETUP_SIGNING)
@@ -43,6 +53,7 @@ class Channel:
     signer: Signer | None = None
     number: int = 0  # of the link, as signatures tell it
     heard_version: int | None = None  # first byte of its frames
+    vouched: bool = False  # has sent a frame with the right signature
     _packers: dict[int, Packer] = field(default_factory=dict)
 
     def note_version(self, message: Message) -> None:
@@ -131,9 +142,11 @@ class Endpoint:
                 read = channel.parser.stream if link.transport.is_stream else channel.parser.datagram
                 for message in read(data):
                     channel.note_version(message)
+                    channel.vouched |= self._signs and is_signed(message.get_msgbuf())
                     self._record(message, time_s)
                     if self._is_for_us(message):
                         heard.append((Client(channel, message.get_srcSystem(), message.get_srcComponent()), message))
+            self._turn_away(number, link, {peer for peer, _ in chunks})
         return heard
 
     def reply(self, client: Client, message: Message, component: int | None = None) -> None:
@@ -179,6 +192,20 @@ class Endpoint:
         gone = [key for key in self._channels if key[0] == number and key[1] not in peers]
         for key in gone:
             del self._channels[key]
+
+    @property
+    def _signs(self) -> bool:
+        return self._signer is not None and self._signer.key is not None
+
+    def _turn_away(self, number: int, link: Link, spoken: set[str]) -> None:
+        """With a key, who speaks without it is no listener, and takes the place of none."""
+        if not (self._signs and isinstance(link.transport, Learner)):
+            return
+        for peer in spoken:
+            channel = self._channels.get((number, peer))
+            if channel is None or not channel.vouched:
+                link.transport.forget(peer)
+        self._refresh(number, link, self.time_s)
 
     def _send(self, channel: Channel, message: Message, component: int | None = None) -> None:
         frame = channel.frame(message, self.component if component is None else component)

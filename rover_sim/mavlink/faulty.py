@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from rover_sim.mavlink.faults import Faults, Lane
-from rover_sim.mavlink.transport import Transport
+from rover_sim.mavlink.transport import Learner, Transport
 
 
 class FaultyLink:
@@ -28,6 +28,11 @@ class FaultyLink:
             for gone in lanes.keys() - set(peers):
                 del lanes[gone]
         return peers
+
+    def forget(self, peer: str) -> None:
+        """As the link inside."""
+        if isinstance(self._inner, Learner):
+            self._inner.forget(peer)
 
     def send(self, frame: bytes, peer: str, time_s: float) -> None:
         """Put the frame on its way; it leaves at a later call."""

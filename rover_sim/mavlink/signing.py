@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from rover_sim.errors import InputError
-from rover_sim.mavlink.dialect import MAVLINK_2, SIGNATURE_BYTES, SIGNED_FLAG, Message, mavlink
+from rover_sim.mavlink.dialect import SIGNATURE_BYTES, Message, is_signed, mavlink
 from rover_sim.mavlink.signing_file import SigningFile, Stream, Times, load_key
 
 TICKS_PER_S = 100_000  # timestamps count 10 us
@@ -93,7 +93,7 @@ class Signing:
             self._file.save(self._times)
 
     def _is_new_and_ours(self, key: bytes, frame: bytes) -> bool:
-        if frame[0] != MAVLINK_2 or not frame[2] & SIGNED_FLAG:
+        if not is_signed(frame):
             return False
         signature = Signature.of(frame)
         if not hmac.compare_digest(digest(key, frame[:-_HASH_BYTES]), signature.digest):

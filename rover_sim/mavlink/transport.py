@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from rover_sim.errors import InputError
 
@@ -36,6 +36,15 @@ class Transport(Protocol):
 
     def close(self) -> None:
         """Release the link; may be called twice."""
+        ...
+
+
+@runtime_checkable
+class Learner(Protocol):
+    """A transport whose peers are whoever has spoken, so that a stranger can be turned away."""
+
+    def forget(self, peer: str) -> None:
+        """Drop a peer until it speaks again."""
         ...
 
 

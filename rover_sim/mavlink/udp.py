@@ -34,6 +34,10 @@ class UdpIn:
             del self._peers[peer]
         return tuple(self._peers)
 
+    def forget(self, peer: str) -> None:
+        """Drop a peer until it speaks again: strangers must not keep the places of others."""
+        self._peers.pop(peer, None)
+
     def send(self, frame: bytes, peer: str, time_s: float) -> None:  # noqa: ARG002  (the interface passes the time)
         """Send to one peer; a frame that the system does not take counts as lost."""
         if peer in self._peers:
