@@ -116,7 +116,10 @@ class LiveRover:
                 show(self._status(pace.factor))
             if self._simulation.state.off_map:
                 return False
-            pace.wait_until(self._simulation.time_s)
+            # What a station says is answered as it comes: a step of the physics takes longer than an answer.
+            while (left_s := pace.left_s(self._simulation.time_s)) > 0.0:
+                if self.vehicle.endpoint.wait(left_s):
+                    self.vehicle.answer(self._simulation.time_s)
         return True
 
     def step(self) -> None:

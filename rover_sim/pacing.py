@@ -41,9 +41,9 @@ class RealTime:
         elapsed_s = self._clock.elapsed_s()
         return (elapsed_s - self._behind_s) / elapsed_s if elapsed_s > 0.0 else 1.0
 
-    def wait_until(self, time_s: float) -> None:
-        """Sleep until it is ``time_s`` after the start, less what was given up."""
+    def left_s(self, time_s: float) -> float:
+        """Seconds until it is ``time_s`` after the start, less what was given up; not above 0 once it is."""
         late_s = self._clock.elapsed_s() - self._behind_s - time_s
         if late_s > self._forgiven_s:
             self._behind_s += late_s
-        self._clock.wait_until(time_s + self._behind_s)
+        return -late_s

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from rover_sim.errors import InputError, LinkError
+from rover_sim.mavlink.endpoint import Endpoint, Link
 from rover_sim.mavlink.faults import Faults
 from rover_sim.mavlink.memory import memory_link
 from rover_sim.mavlink.sockets import bound
@@ -206,3 +207,28 @@ def test_a_serial_line_both_ways_and_its_end() -> None:
 def test_a_serial_device_that_is_none(url: str, kind: type[Exception], says: str) -> None:
     with pytest.raises(kind, match=says):
         open_link(url)
+
+
+def test_an_endpoint_wakes_up_for_news_on_any_link_and_not_before() -> None:
+    """A closed connection or a full server must not keep it awake."""
+    udp, server = UdpIn(parse_url("udpin:127.0.0.1:0")), TcpServer(parse_url("tcpin:127.0.0.1:0"))
+    inner, outer = memory_link()
+    endpoint = Endpoint(1, 1, [Link(link, {}) for link in (udp, server, inner)])
+    assert not endpoint.wait(0.0)
+    outer.send(b"?", "memory", 0.0)  # a link in memory has a clock of its own
+    assert not endpoint.wait(0.0)
+    out = UdpOut(parse_url(f"udpout:127.0.0.1:{udp.port}"))
+    out.send(b"?", out.peers(0.0)[0], 0.0)
+    assert endpoint.wait(5.0)
+    endpoint.poll(0.0)
+    assert not endpoint.wait(0.0)
+    client = TcpClient(parse_url(f"tcp:127.0.0.1:{server.port}"))
+    assert endpoint.wait(5.0)
+    endpoint.poll(0.0)
+    assert not endpoint.wait(0.0)
+    client.close()
+    assert endpoint.wait(5.0)
+    endpoint.poll(0.0)
+    assert not endpoint.wait(0.0)
+    out.close()
+    endpoint.close()

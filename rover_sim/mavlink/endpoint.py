@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ipaddress
+import select
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import NamedTuple
@@ -127,6 +128,11 @@ class Endpoint:
     def station_count(self) -> int:
         """Listeners other than the log."""
         return len(self._channels)
+
+    def wait(self, seconds: float) -> bool:
+        """Sleep, at most so long; True as soon as there is news on a link, which `poll` then takes."""
+        handles = [handle for link in self._links for handle in link.transport.handles()]
+        return bool(select.select(handles, [], [], seconds)[0])
 
     def poll(self, time_s: float) -> list[tuple[Client, Message]]:
         """Messages that have arrived for this component or for everyone."""

@@ -46,6 +46,10 @@ class FaultyLink:
             self._lane(self._in, peer).put(data, time_s)
         return [(peer, data) for peer, lane in self._in.items() for data in lane.take(time_s)]
 
+    def handles(self) -> tuple[int, ...]:
+        """Those of the link inside."""
+        return self._inner.handles()
+
     def close(self) -> None:
         """Close the link inside."""
         self._inner.close()

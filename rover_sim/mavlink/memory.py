@@ -31,6 +31,10 @@ class MemoryEnd:
         """Frames that have arrived by now."""
         return [(_PEER, frame) for frame in self._inbound.take(time_s)]
 
+    def handles(self) -> tuple[int, ...]:
+        """None."""
+        return ()
+
     def close(self) -> None:
         """Cut the link for both ends."""
         if self.other is not None:

@@ -46,6 +46,10 @@ class SerialPort:
             self.close()
         return [(self._peer, data)] if data else []
 
+    def handles(self) -> tuple[int, ...]:
+        """The device, while it is there."""
+        return () if self._device is None else (self._device,)
+
     def close(self) -> None:
         """Release the device."""
         if self._device is not None:

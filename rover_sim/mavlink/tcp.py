@@ -53,6 +53,9 @@ class _Connection:
             self.close()
         return data
 
+    def fileno(self) -> int:
+        return self._socket.fileno()
+
     def close(self) -> None:
         self.open = False
         self._socket.close()
@@ -83,6 +86,10 @@ class _TcpLink:
             connection.flush()
             chunks.append((peer, connection.receive()))
         return [(peer, data) for peer, data in chunks if data]
+
+    def handles(self) -> tuple[int, ...]:
+        """The connections that are open."""
+        return tuple(connection.fileno() for connection in self._connections.values() if connection.open)
 
     def close(self) -> None:
         """Close all connections."""
@@ -153,6 +160,11 @@ class TcpServer(_TcpLink):
                 break
             self._connections[name(address)] = _Connection(link)
         return super().receive(time_s)
+
+    def handles(self) -> tuple[int, ...]:
+        """The connections, and the port as long as there is room for more."""
+        room = len(self._connections) < _MOST_CLIENTS
+        return (*super().handles(), *([self._listener.fileno()] if room else []))
 
     def close(self) -> None:
         """Close the port and all connections."""

@@ -34,6 +34,10 @@ class TlogWriter:
         """Nothing ever arrives from a file."""
         return []
 
+    def handles(self) -> tuple[int, ...]:
+        """Nothing comes from a log."""
+        return ()
+
     def close(self) -> None:
         """Finish the file."""
         self._file.close()

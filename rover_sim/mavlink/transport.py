@@ -34,6 +34,10 @@ class Transport(Protocol):
         """What has arrived since the last call, each chunk with its peer."""
         ...
 
+    def handles(self) -> tuple[int, ...]:
+        """Files that the system tells of news on the link, as `select` takes them; none for a link in memory."""
+        ...
+
     def close(self) -> None:
         """Release the link; may be called twice."""
         ...

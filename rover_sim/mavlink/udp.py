@@ -62,6 +62,10 @@ class UdpIn:
                 chunks.append((peer, data))
         return chunks
 
+    def handles(self) -> tuple[int, ...]:
+        """The socket."""
+        return (self._socket.fileno(),)
+
     def close(self) -> None:
         """Free the port."""
         self._socket.close()
@@ -99,6 +103,10 @@ class UdpOut:
             except ConnectionError:  # an answer to an earlier send: nobody listens there yet
                 self.lost_frames += 1
         return chunks
+
+    def handles(self) -> tuple[int, ...]:
+        """The socket."""
+        return (self._socket.fileno(),)
 
     def close(self) -> None:
         """Free the port."""
