@@ -105,9 +105,11 @@ def show(title: str, learned: Sequence[Labelled], scored: Sequence[Labelled], kn
     rows = [judge(sample(v, clasts, know), rules) for v in scored]
     best, faithful = (summary(rows, method) for method in ("best", "faithful"))
     recall = " ".join(f"{letter} {value:.2f}" for letter, value in best["recall"].items())
+    textures = {v.texture: [r for r, own in zip(rows, scored, strict=True) if own.texture == v.texture] for v in scored}
+    on = " ".join(f"{name} {summary(own, 'best')['ttam']:.1f}" for name, own in textures.items())
     print(
-        f"{title}: TTAM {best['ttam']:.1f} ({best['ttam_without_u']:.1f} without U), faithful {faithful['ttam']:.1f} "
-        f"({faithful['ttam_without_u']:.1f}); recall {recall}",
+        f"{title}: TTAM {best['ttam']:.1f} ({best['ttam_without_u']:.1f} without U; {on}), faithful "
+        f"{faithful['ttam']:.1f} ({faithful['ttam_without_u']:.1f}); recall {recall}",
         flush=True,
     )
 
