@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rover_sim.autopilot.fence import NO_FENCE_M, Circle, Fence, Polygon
-from rover_sim.autopilot.mission import DriveTo, Mission, ReturnHome, Wait
+from rover_sim.autopilot.mission import DriveTo, Mission, ReturnHome, SetSpeed, Wait
 from rover_sim.autopilot.modes import MissionState, Mode
 from rover_sim.autopilot.safety_parameters import ARDUPILOT_SAFETY, PX4_SAFETY
 from rover_sim.autopilot.track import Track
@@ -27,6 +27,9 @@ def fenced(*areas: Polygon | Circle, **parameters: float) -> Drive:
     for name, value in {"FENCE_ENABLE": 1.0, **parameters}.items():
         assert drive.autopilot.parameters.set(name, value)
     return drive
+
+
+FENCED = fenced(NOTCHED, FENCE_TYPE=4).autopilot
 
 
 def test_depth_in_a_polygon_that_is_not_convex() -> None:
@@ -127,6 +130,46 @@ def test_targets_and_missions_outside_are_refused() -> None:
     assert (drive.autopilot.mode, drive.autopilot.tripped) == (Mode.HOLD, True)
     drive.step()
     assert "Mission: item 0 is outside of the fence, hold" in drive.texts
+
+
+def test_ways_across_a_line_are_refused_and_a_rover_outside_may_come_in() -> None:
+    drive = fenced(NOTCHED, FENCE_TYPE=4)
+    drive.rover.x_m, drive.rover.y_m = 0.3, 3.0
+    drive.step()
+    assert drive.autopilot.arm() is None
+    assert drive.autopilot.goto((3.7, 3.0, 0.0)) == "the way to the target leads out of the fence"  # across the notch
+    assert drive.autopilot.goto((2.0, 0.3, 0.0)) is None
+    drive.autopilot.set_mode(Mode.HOLD)
+    across = Mission((DriveTo((0.3, 3.0, 0.0)), SetSpeed(0.5), DriveTo((3.7, 3.0, 0.0))))
+    drive.autopilot.set_mission(across)
+    assert drive.autopilot.start_mission() == "the way to item 2 leads out of the fence"
+    round_it = Mission((DriveTo((0.3, 3.0, 0.0)), DriveTo((2.0, 0.3, 0.0)), DriveTo((3.7, 3.0, 0.0))))
+    drive.autopilot.set_mission(round_it)
+    assert drive.autopilot.start_mission() is None
+    drive.autopilot.set_mode(Mode.HOLD)
+    drive.rover.x_m, drive.rover.y_m = 2.0, 3.0  # in the notch, outside
+    drive.step()
+    assert drive.autopilot.goto((0.3, 3.0, 0.0)) is None
+
+
+@settings(max_examples=60, deadline=None)
+@given(*(st.floats(-0.5, 4.5) for _ in range(4)))
+def test_a_way_crosses_where_a_fine_look_along_it_says_so(x_m: float, y_m: float, to_x_m: float, to_y_m: float) -> None:
+    guard = FENCED.fence
+    share = np.linspace(0.0, 1.0, 401)[:, None]
+    way = np.array([x_m, y_m]) * (1.0 - share) + np.array([to_x_m, to_y_m]) * share
+    deepest = min(NOTCHED.depth_m(*place) for place in way)
+    crosses = guard.crosses((x_m, y_m, 0.0), (to_x_m, to_y_m, 0.0), (0.0, 0.0, 0.0))
+    assert crosses or deepest > -0.06  # beside a line it may be overlooked by a step of 5 cm
+    assert not crosses or deepest < 0.01
+
+
+def test_of_two_rally_points_the_one_with_a_clear_way_is_chosen() -> None:
+    drive = fenced(NOTCHED, FENCE_TYPE=4, RALLY_INCL_HOME=0)
+    drive.autopilot.returns.rally_w = ((3.7, 3.0, 0.0), (0.5, -0.5, 0.0), (0.2, 0.2, 0.0))
+    assert drive.autopilot.returns.place((1.0, 2.3, 0.0), (0.0, 0.0, 0.0))[1] == (0.2, 0.2, 0.0)
+    drive.autopilot.returns.rally_w = ((3.7, 3.0, 0.0),)
+    assert drive.autopilot.returns.place((1.0, 2.3, 0.0), (0.0, 0.0, 0.0))[1] == (3.7, 3.0, 0.0)  # better than none
 
 
 def test_the_circle_about_home_and_the_switches() -> None:

@@ -8,7 +8,7 @@ from rover_sim.autopilot.modes import DRIVING_MODES, Mode
 
 if TYPE_CHECKING:
     from rover_sim.autopilot.autopilot import Autopilot
-    from worlds.types import PoseEstimate
+    from worlds.types import PoseEstimate, Vector3
 
 
 def unfit(autopilot: Autopilot, time_s: float | None, estimate: PoseEstimate | None) -> str | None:
@@ -36,3 +36,9 @@ def mode_refusal(autopilot: Autopilot, mode: Mode, time_s: float | None, estimat
     if reason is None and mode is Mode.AUTO:
         return autopilot.fence.leads_out(autopilot.auto.mission, autopilot.home_w)
     return reason
+
+
+def target_refusal(autopilot: Autopilot, estimate: PoseEstimate | None, position_w: Vector3) -> str | None:
+    """Why the fence does not let the rover drive straight to a place from where it is."""
+    here = None if estimate is None else estimate.pose.position_w
+    return autopilot.fence.target_refusal(here, position_w, autopilot.home_w)

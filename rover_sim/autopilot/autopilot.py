@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from planner.mobility import STOP, Command, Limits, ramp, wheel_speeds
-from rover_sim.autopilot.admission import arming_refusal, mode_refusal
+from rover_sim.autopilot.admission import arming_refusal, mode_refusal, target_refusal
 from rover_sim.autopilot.alarm import Alarm
 from rover_sim.autopilot.battery_guard import BatteryGuard
 from rover_sim.autopilot.events import Event, Reached, Text
@@ -172,9 +172,10 @@ class Autopilot:
 
     def goto(self, position_w: Vector3) -> str | None:
         """Mode Guided and drive to a place in a straight line; the reason if it is refused."""
-        if not self.allows(position_w):
-            self._say(Severity.WARNING, "Guided: the target is outside of the fence")
-            return "the target is outside of the fence"
+        reason = target_refusal(self, self._estimate, position_w)
+        if reason is not None:
+            self._say(Severity.WARNING, f"Guided: {reason}")
+            return reason
         return self._guided_to(DriveTo(position_w))
 
     def turn(self, heading_rad: float, *, relative: bool = False) -> str | None:

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import math
+
 from rover_sim.autopilot.alarm import Alarm
 from rover_sim.autopilot.fence import NO_FENCE_M, Circle, Fence
-from rover_sim.autopilot.mission import DriveTo, Mission
+from rover_sim.autopilot.mission import DriveTo, Jump, Mission, ReturnHome
 from rover_sim.autopilot.modes import Severity
 from rover_sim.autopilot.parameters import ParameterTable
 from rover_sim.autopilot.safety_parameters import FenceRules, fence_rules
 from worlds.types import FloatArray, PoseEstimate, Vector3
+
+_LEAST_STEP_M = 0.05  # along a way that runs beside a line
 
 
 class FenceGuard:
@@ -49,12 +53,44 @@ class FenceGuard:
         """Whether the rover may be at a place."""
         return self.clearance_m(position_w, home_w) >= 0.0
 
+    def crosses(self, start_w: FloatArray | Vector3, end_w: FloatArray | Vector3, home_w: Vector3) -> bool:
+        """Whether a straight way leaves what is allowed.
+
+        The clearance changes by no more than the way that is made, so each look allows a step of that length.
+        """
+        way_m, at_m = math.dist(start_w[:2], end_w[:2]), 0.0
+        while at_m < way_m:
+            share = at_m / way_m
+            x_m, y_m = (float(a + share * (b - a)) for a, b in zip(start_w[:2], end_w[:2], strict=True))
+            clearance_m = self.clearance_m((x_m, y_m, 0.0), home_w)
+            if clearance_m < 0.0:
+                return True
+            at_m += max(clearance_m, _LEAST_STEP_M)
+        return not self.allows(end_w, home_w)
+
+    def target_refusal(
+        self, start_w: FloatArray | Vector3 | None, end_w: FloatArray | Vector3, home_w: Vector3
+    ) -> str | None:
+        """Why the rover must not drive straight to a place; a rover that is outside may come in any way."""
+        if not self.allows(end_w, home_w):
+            return "the target is outside of the fence"
+        inside = start_w is not None and self.allows(start_w, home_w)
+        if inside and start_w is not None and self.crosses(start_w, end_w, home_w):
+            return "the way to the target leads out of the fence"
+        return None
+
     def leads_out(self, mission: Mission, home_w: Vector3) -> str | None:
-        """The first place of a mission that is not allowed, as a reason; None if there is none."""
-        if self.on:
-            for index, item in enumerate(mission.items):
-                if isinstance(item, DriveTo) and not self.allows(item.position_w, home_w):
+        """The first place of a mission, or way between two, that is not allowed; None if there is none."""
+        before: Vector3 | None = None
+        for index, item in enumerate(mission.items if self.on else ()):
+            if isinstance(item, DriveTo):
+                if not self.allows(item.position_w, home_w):
                     return f"item {index} is outside of the fence"
+                if before is not None and self.crosses(before, item.position_w, home_w):
+                    return f"the way to item {index} leads out of the fence"
+                before = item.position_w
+            elif isinstance(item, (ReturnHome, Jump)):
+                before = None  # where it goes on from is not known yet
         return None
 
     def update(self, time_s: float, estimate: PoseEstimate, home_w: Vector3, *, armed: bool) -> Alarm | None:

@@ -25,7 +25,8 @@ class ReturnPlaces:
     def place(self, position_w: FloatArray | Vector3, home_w: Vector3) -> tuple[str, Vector3]:
         """What the place is, and where.
 
-        Rally points outside of the fence or too far away do not count. Without any, a rover that has broken out goes
+        Rally points outside of the fence or too far away do not count, and places with a clear way go before others.
+        Without any rally point, a rover that has broken out goes
         to the fence's return point if there is one, else home.
         """
         with_home, limit_m = rally_rules(self._parameters)
@@ -36,7 +37,9 @@ class ReturnPlaces:
         ]
         if not rally and self._guard.breached and self._guard.fence.return_w is not None:
             return "the fence's return point", self._guard.fence.return_w
-        chosen = nearest([*rally, home_w] if with_home else rally, position_w)
+        places = [*rally, home_w] if with_home else rally
+        clear = [place for place in places if not self._guard.crosses(position_w, place, home_w)]
+        chosen = nearest(clear or places, position_w)
         return ("a rally point", chosen) if chosen is not None and chosen in rally else ("home", home_w)
 
     def note(self, position_w: FloatArray) -> None:

@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
+from rover_sim.autopilot.admission import target_refusal
 from rover_sim.autopilot.modes import Mode
 from rover_sim.mavlink.context import Context
 from rover_sim.mavlink.dialect import Message, mavlink
@@ -86,8 +87,9 @@ def _reposition(context: Context, _telemetry: Telemetry, request: Request) -> in
     place = _place(context, request)
     if place is None:
         return DENIED
+    fenced = target_refusal(context.autopilot, context.estimate, place) is not None
     reason = context.autopilot.goto(place)
-    return _result(reason) if context.autopilot.allows(place) else DENIED
+    return DENIED if fenced else _result(reason)
 
 
 def _change_speed(context: Context, _telemetry: Telemetry, request: Request) -> int:

@@ -11,6 +11,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from rover_sim.autopilot.admission import target_refusal
 from rover_sim.autopilot.modes import Mode
 from rover_sim.autopilot.targets import DriveAlong, DriveAt, DriveToward, Target
 from rover_sim.mavlink.context import Context, Handler
@@ -123,9 +124,11 @@ class TargetService:
         if target is None:
             self._complain(client, f"mask {message.type_mask}, place or motion")
             return
-        if isinstance(target, DriveToward) and not context.autopilot.allows(target.position_w):
-            self._complain(client, "a place outside of the fence")
-            return
+        if isinstance(target, DriveToward):
+            refused = target_refusal(context.autopilot, context.estimate, target.position_w)
+            if refused is not None:
+                self._complain(client, refused)
+                return
         lasts_s = context.autopilot.parameters[rules.target_time]
         if isinstance(target, DriveToward) and not rules.places_expire:
             lasts_s = math.inf
