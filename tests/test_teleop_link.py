@@ -11,6 +11,7 @@ from rover_sim.commands.teleop import status_line
 from rover_sim.mavlink.faults import Faults
 from rover_sim.mavlink.persona import ARDUPILOT, PERSONAS, PX4, Persona
 from rover_sim.mavlink.pilot_link import Gaps, PilotLink, thrust
+from rover_sim.mavlink.signing import Signing
 from tests.mavlink_rig import Station, Yard
 
 
@@ -23,10 +24,16 @@ class Seat(Station):
 class Cockpit:
     """A pilot and the yard that he steers in, on one clock."""
 
-    def __init__(self, persona: Persona = ARDUPILOT, faults: Faults | None = None) -> None:
+    def __init__(
+        self,
+        persona: Persona = ARDUPILOT,
+        faults: Faults | None = None,
+        keys: tuple[bytes | None, bytes | None] = (None, None),
+    ) -> None:
+        """``keys``: of the pilot and of the vehicle."""
         seat = Seat(faults=faults, seed=3)
-        self.link = PilotLink(seat.end)
-        self.yard = Yard(seat, persona=persona)
+        self.link = PilotLink(seat.end, signer=Signing(keys[0], lambda: 1.7e9 + self.yard.time_s))
+        self.yard = Yard(seat, persona=persona, signing=Signing(keys[1], lambda: 1.7e9))
 
     def run(self, seconds: float, sticks: Sticks | None = None) -> None:
         end = self.yard.time_s + seconds
@@ -110,3 +117,15 @@ def test_overtaken_and_doubled_frames_are_no_loss() -> None:
     for sequence in (254, 255, 1, 0, 1, 2):
         gaps.note(sequence)
     assert gaps.share == pytest.approx(1 / 5)
+
+
+def test_signed_sticks_steer_a_vehicle_that_believes_no_others() -> None:
+    right, wrong = bytes(range(32)), bytes(32)
+    for keys, steers in (((right, right), True), ((wrong, right), False), ((None, right), False)):
+        cockpit = Cockpit(keys=keys)
+        cockpit.run(1.0)
+        cockpit.link.arm(cockpit.yard.time_s, on=True)
+        cockpit.link.set_mode(cockpit.yard.time_s, Mode.MANUAL)
+        cockpit.run(0.2)
+        cockpit.run(1.0, Sticks(0.5, 0.0))
+        assert (cockpit.yard.autopilot.motion.linear_m_s > 0.2) is steers

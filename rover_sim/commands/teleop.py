@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Callable
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -30,21 +31,28 @@ def configure(parser: argparse.ArgumentParser) -> None:
         help="own system number, 1 to 255 (default: 255, that of ground stations)",
     )
 
+    parser.add_argument(
+        "--signing-key", type=Path, metavar="FILE", help="sign, and hear signed frames only; key or passphrase in FILE"
+    )
+
 
 def execute(args: argparse.Namespace) -> int:
     """Steer until ``q`` or Ctrl-C; the last thing sent is neutral."""
     from rover_sim.mavlink.pilot_link import PilotLink
+    from rover_sim.mavlink.signing import Signing
+    from rover_sim.mavlink.signing_file import load_key
     from rover_sim.mavlink.transport import open_link
-    from rover_sim.pacing import WallClock
+    from rover_sim.pacing import WallClock, unix_time_s
     from rover_sim.stop_flag import stop_flag
     from rover_sim.teleop.gamepad import Gamepad
     from rover_sim.teleop.terminal import open_terminal
 
+    signing = Signing(None if args.signing_key is None else load_key(args.signing_key), unix_time_s)
     with open_terminal() as terminal, stop_flag(hang_up=True) as stopped:
         pad = Gamepad() if args.gamepad else None
         transport = open_link(args.url)
         try:
-            _steer(PilotLink(transport, args.system), terminal, pad, stopped, WallClock().elapsed_s)
+            _steer(PilotLink(transport, args.system, signing), terminal, pad, stopped, WallClock().elapsed_s)
         finally:
             transport.close()
             if pad is not None:

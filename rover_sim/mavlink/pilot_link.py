@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 
 from rover_sim.autopilot.modes import Mode
 from rover_sim.autopilot.sticks import Sticks
-from rover_sim.mavlink.dialect import Message, Packer, Parser, mavlink
+from rover_sim.mavlink.dialect import Message, Packer, Parser, Signer, mavlink
 from rover_sim.mavlink.persona import GENERIC, PERSONAS, Persona
 from rover_sim.mavlink.transport import Transport
 
@@ -73,12 +73,13 @@ def thrust(throttle: float, persona: Persona) -> int:
 class PilotLink:
     """Steers the first vehicle that is heard; every time is passed in."""
 
-    def __init__(self, transport: Transport, system: int = 255) -> None:
+    def __init__(self, transport: Transport, system: int = 255, signer: Signer | None = None) -> None:
+        """``signer``: signs what is sent; what it does not believe is not heard."""
         self.view = VehicleView()
         self.gaps = Gaps()
         self.texts: list[str] = []  # of the vehicle and about commands, to be taken away by who shows them
         self._transport = transport
-        self._packer = Packer(system, COMPONENT)
+        self._packer, self._signer = Packer(system, COMPONENT, signer), signer
         self._parsers: dict[str, Parser] = {}
         self._round_trips: deque[float] = deque(maxlen=_ROUND_TRIPS)
         self._due_s = dict.fromkeys(("sticks", "heartbeat", "clock"), 0.0)
@@ -145,7 +146,7 @@ class PilotLink:
 
     def _read(self, time_s: float) -> None:
         for peer, data in self._transport.receive(time_s):
-            parser = self._parsers.setdefault(peer, Parser())
+            parser = self._parsers.setdefault(peer, Parser(self._signer))
             for message in (parser.stream if self._transport.is_stream else parser.datagram)(data):
                 if message.get_srcComponent() == _AUTOPILOT and self._is_ours(message):
                     self._take(message, time_s)
