@@ -10,16 +10,15 @@ deviations grow. Method: Thrun, Burgard, Fox, "Probabilistic Robotics" (2005), s
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
+from math import atan2, cos, exp, hypot, sin, sqrt, tan
 
 import numpy as np
 
+from planner.localization_kernels import BIAS, FACTOR, SLIDE_X, SLIDE_Y, STATES, YAW, advance
 from planner.mobility import body_motion
 from worlds.geometry import quaternion_from_euler, rotation_from_quaternion, wrap_angle
 from worlds.types import FloatArray, Footprint, GnssReading, GroundPlane, Pose, PoseEstimate, SensorReadings, Vector3
-
-X, Y, Z, YAW, BIAS, FACTOR, SLIDE_X, SLIDE_Y = range(8)
-STATES = 8
 
 
 @dataclass(frozen=True)
@@ -82,25 +81,46 @@ def localize(
     step = readings.time_s - state.time_s
     if step <= 0.0:
         return state
-    predicted = _predict(state, readings, footprint, model, step)
-    mean, covariance = _correct_heading(predicted, readings.imu.heading_rad, model, step)
+    roll, pitch, yaw_rate = _attitude(state, readings, model, step)
+    wheel_speed = body_motion(readings.wheel_speed_rad_s, footprint).linear_m_s
+    rim_speed = _rim_speed(readings, footprint)
+    travelled = rim_speed * step
+    mean, covariance = state.mean.copy(), state.covariance.copy()
+    kept = exp(-step / model.factor_time_s), exp(-travelled / model.slide_distance_m)
+    advance(
+        mean,
+        covariance,
+        (step, wheel_speed * step, travelled, yaw_rate, pitch),
+        (model.usual_factor, *kept, readings.imu.heading_rad),
+        _noise(model, step, wheel_speed, kept, hypot(roll, pitch)),
+    )
     if readings.gnss is not None:
-        wheels = body_motion(readings.wheel_speed_rad_s, footprint).linear_m_s, _rim_speed(readings, footprint)
-        mean, covariance = _correct_gnss(mean, covariance, readings.gnss, wheels, predicted.pitch_rad, model)
-    corrected = replace(predicted, mean=mean, covariance=covariance)
-    return _with_motion(corrected, state, readings, footprint, model)
+        wheels = wheel_speed, rim_speed
+        mean, covariance = _correct_gnss(mean, covariance, readings.gnss, wheels, pitch, model)
+    return LocalizationState(
+        readings.time_s,
+        mean,
+        covariance,
+        roll,
+        pitch,
+        float(mean[FACTOR]) * wheel_speed,
+        yaw_rate,
+        _smoothed_normal(state, (roll, pitch, float(mean[YAW])), travelled, model),
+        state.travel_m + travelled,
+        rim_speed * mean[SLIDE_X:],
+    )
 
 
 def estimate(state: LocalizationState) -> PoseEstimate:
     """The believed pose and motion."""
     yaw = float(state.mean[YAW])
     pose = Pose(state.mean[:3].copy(), quaternion_from_euler(state.roll_rad, state.pitch_rad, yaw))
-    sd = float(np.sqrt(max(np.linalg.eigvalsh(state.covariance[:2, :2])[-1], 0.0)))
+    (xx, xy), (_, yy) = state.covariance[:2, :2].tolist()
+    widest = (xx + yy) / 2 + hypot((xx - yy) / 2, xy)  # the larger eigenvalue
     velocity = state.speed_m_s * _forward(yaw, state.pitch_rad)
     velocity[:2] += state.slide_m_s_w
-    return PoseEstimate(
-        state.time_s, pose, velocity, state.yaw_rate_rad_s, sd, float(np.sqrt(max(state.covariance[YAW, YAW], 0.0)))
-    )
+    yaw_sd = sqrt(max(float(state.covariance[YAW, YAW]), 0.0))
+    return PoseEstimate(state.time_s, pose, velocity, state.yaw_rate_rad_s, sqrt(max(widest, 0.0)), yaw_sd)
 
 
 def ground_plane(state: LocalizationState, body_height_m: float) -> GroundPlane:
@@ -113,42 +133,18 @@ def ground_plane(state: LocalizationState, body_height_m: float) -> GroundPlane:
     return GroundPlane(state.mean[:3] - body_height_m * state.normal_w, state.normal_w.copy())
 
 
-def _predict(
-    state: LocalizationState, readings: SensorReadings, footprint: Footprint, model: SensorModel, step: float
-) -> LocalizationState:
-    roll, pitch, yaw_rate = _attitude(state, readings, model, step)
-    wheel_speed = body_motion(readings.wheel_speed_rad_s, footprint).linear_m_s
-    travel = _rim_speed(readings, footprint) * step
-    mean = state.mean.copy()
-    direction = _forward(mean[YAW] + 0.5 * step * yaw_rate, pitch)
-    mean[:3] += mean[FACTOR] * wheel_speed * step * direction
-    mean[:2] += travel * mean[SLIDE_X:]
-    mean[YAW] = wrap_angle(mean[YAW] + step * yaw_rate)
-    decay = np.exp(-step / model.factor_time_s)
-    kept = float(np.exp(-travel / model.slide_distance_m))
-    transition = np.eye(STATES)
-    transition[X, SLIDE_X] = transition[Y, SLIDE_Y] = travel
-    transition[SLIDE_X, SLIDE_X] = transition[SLIDE_Y, SLIDE_Y] = kept
-    transition[:3, FACTOR] = wheel_speed * step * direction
-    transition[:2, YAW] = mean[FACTOR] * wheel_speed * step * np.array([-direction[1], direction[0]])
-    transition[YAW, BIAS] = -step
-    transition[FACTOR, FACTOR] = decay
-    mean[FACTOR] = model.usual_factor + decay * (mean[FACTOR] - model.usual_factor)
-    mean[SLIDE_X:] *= kept
-    side = (model.side_slip_sd * wheel_speed) ** 2 * step
-    slide = (model.slide_sd * float(np.sin(np.hypot(roll, pitch)))) ** 2 * (1 - kept**2)
-    factor = model.factor_sd**2 * (1 - decay**2)
-    noise = np.array([side, side, side, 0.0, model.bias_walk**2 * step, factor, slide, slide])
-    noise[YAW] = (model.gyro_sd_rad_s**2) * step * model.heading_correlation_s
-    covariance = transition @ state.covariance @ transition.T + np.diag(noise)
-    return replace(
-        state,
-        time_s=readings.time_s,
-        mean=mean,
-        covariance=covariance,
-        roll_rad=roll,
-        pitch_rad=pitch,
-        yaw_rate_rad_s=yaw_rate,
+def _noise(
+    model: SensorModel, step: float, wheel_speed: float, kept: tuple[float, float], lean_rad: float
+) -> tuple[float, ...]:
+    """Variances that a step adds to place, heading, bias, factor and slide, and that of the heading read after it."""
+    return (
+        (model.side_slip_sd * wheel_speed) ** 2 * step,
+        model.gyro_sd_rad_s**2 * step * model.heading_correlation_s,
+        model.bias_walk**2 * step,
+        model.factor_sd**2 * (1 - kept[0] ** 2),
+        (model.slide_sd * sin(lean_rad)) ** 2 * (1 - kept[1] ** 2),
+        # Readings inside one correlation time carry one reading's worth of news.
+        model.heading_sd_rad**2 * max(1.0, model.heading_correlation_s / step),
     )
 
 
@@ -159,38 +155,26 @@ def _attitude(
     p, q, r = readings.imu.rate_b
     r -= float(state.mean[BIAS])
     roll, pitch = state.roll_rad, state.pitch_rad
-    turn = q * np.sin(roll) + r * np.cos(roll)
-    yaw_rate = float(turn / np.cos(pitch))
-    roll += step * (p + np.tan(pitch) * turn)
-    pitch += step * (q * np.cos(roll) - r * np.sin(roll))
-    force = np.asarray(readings.imu.acceleration_b)
+    turn = q * sin(roll) + r * cos(roll)
+    yaw_rate = turn / cos(pitch)
+    roll += step * (p + tan(pitch) * turn)
+    pitch += step * (q * cos(roll) - r * sin(roll))
+    x, y, z = readings.imu.acceleration_b
     # The turn's centripetal part is known and taken out; knocks are no gravity and count less.
-    level = force - np.array([0.0, state.speed_m_s * yaw_rate, 0.0])
-    knock = (np.linalg.norm(force) - model.gravity_m_s2) / (0.1 * model.gravity_m_s2)
-    pull = (1.0 - np.exp(-step / model.tilt_time_s)) * np.exp(-0.5 * knock**2)
-    gravity_roll, gravity_pitch = _tilt((float(level[0]), float(level[1]), float(level[2])))
-    return float(roll + pull * (gravity_roll - roll)), float(pitch + pull * (gravity_pitch - pitch)), yaw_rate
+    gravity_roll, gravity_pitch = _tilt((x, y - state.speed_m_s * yaw_rate, z))
+    knock = (sqrt(x * x + y * y + z * z) - model.gravity_m_s2) / (0.1 * model.gravity_m_s2)
+    pull = (1.0 - exp(-step / model.tilt_time_s)) * exp(-0.5 * knock**2)
+    return roll + pull * (gravity_roll - roll), pitch + pull * (gravity_pitch - pitch), yaw_rate
 
 
 def _tilt(force_b: Vector3) -> tuple[float, float]:
     """Roll and pitch (nose down positive) of a body that feels the specific force ``force_b`` at rest."""
     x, y, z = force_b
-    return float(np.arctan2(y, z)), float(np.arctan2(-x, np.hypot(y, z)))
+    return atan2(y, z), atan2(-x, hypot(y, z))
 
 
 def _forward(yaw: float, pitch: float) -> FloatArray:
-    return np.array([np.cos(yaw) * np.cos(pitch), np.sin(yaw) * np.cos(pitch), -np.sin(pitch)])
-
-
-def _correct_heading(
-    state: LocalizationState, heading: float, model: SensorModel, step: float
-) -> tuple[FloatArray, FloatArray]:
-    # Readings inside one correlation time carry one reading's worth of news.
-    variance = model.heading_sd_rad**2 * max(1.0, model.heading_correlation_s / step)
-    row = np.zeros((1, STATES))
-    row[0, YAW] = 1.0
-    innovation = np.array([wrap_angle(heading - state.mean[YAW])])
-    return _update(state.mean, state.covariance, row, innovation, np.array([[variance]]))
+    return np.array([cos(yaw) * cos(pitch), sin(yaw) * cos(pitch), -sin(pitch)])
 
 
 def _correct_gnss(
@@ -230,26 +214,21 @@ def _update(
     return corrected, kept @ covariance @ kept.T + gain @ noise @ gain.T
 
 
-def _with_motion(
-    state: LocalizationState,
-    before: LocalizationState,
-    readings: SensorReadings,
-    footprint: Footprint,
-    model: SensorModel,
-) -> LocalizationState:
-    """Speed, wheel travel and the smoothed normal after a correction."""
-    speed = float(state.mean[FACTOR]) * body_motion(readings.wheel_speed_rad_s, footprint).linear_m_s
-    step = state.time_s - before.time_s
-    rim_speed = _rim_speed(readings, footprint)
-    travelled = rim_speed * step
-    up = rotation_from_quaternion(quaternion_from_euler(state.roll_rad, state.pitch_rad, float(state.mean[YAW])))[:, 2]
+def _smoothed_normal(
+    before: LocalizationState, attitude: tuple[float, float, float], travelled: float, model: SensorModel
+) -> FloatArray:
+    """The ground's normal (3,) after some more wheel travel with the body's up axis at roll, pitch and yaw."""
+    roll, pitch, yaw = attitude
+    up_x = cos(yaw) * sin(pitch) * cos(roll) + sin(yaw) * sin(roll)
+    up_y = sin(yaw) * sin(pitch) * cos(roll) - cos(yaw) * sin(roll)
     share = travelled / (min(before.travel_m + model.first_normal_m, model.normal_distance_m) + travelled)
-    normal = before.normal_w + share * (up - before.normal_w)
-    normal = normal / np.linalg.norm(normal)
-    slide = rim_speed * state.mean[SLIDE_X:]
-    return replace(state, speed_m_s=speed, normal_w=normal, travel_m=before.travel_m + travelled, slide_m_s_w=slide)
+    x, y, z = before.normal_w.tolist()
+    x, y, z = x + share * (up_x - x), y + share * (up_y - y), z + share * (cos(pitch) * cos(roll) - z)
+    length = sqrt(x * x + y * y + z * z)
+    return np.array([x / length, y / length, z / length])
 
 
 def _rim_speed(readings: SensorReadings, footprint: Footprint) -> float:
     """Mean speed (m/s) of the rims, whichever way they turn."""
-    return float(np.mean(np.abs(readings.wheel_speed_rad_s))) * footprint.wheel_radius_m
+    speeds = [abs(speed) for speed in readings.wheel_speed_rad_s]
+    return sum(speeds) / len(speeds) * footprint.wheel_radius_m

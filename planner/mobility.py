@@ -7,7 +7,8 @@ Skid-steer kinematics with an effective track: Mandow et al., IROS 2007; Martine
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from math import atan2, copysign, cos, hypot, pi, sin
 
 import numba
 import numpy as np
@@ -74,26 +75,27 @@ def follow_path(
 
     With ``reverse`` the rear leads. At the end the command is `STOP` and ``progress.arrived`` is true.
     """
-    position = pose.pose.position_w[:2]
+    x, y = pose.pose.position_w[:2].tolist()
     path_w = np.array(path_w, dtype=np.float64)
-    arc, length = _arc_on_path(path_w, float(position[0]), float(position[1]), progress.arc_m)
-    to_end = float(np.linalg.norm(path_w[-1] - position))
+    arc, length = _arc_on_path(path_w, x, y, progress.arc_m)
+    end_x, end_y = path_w[-1].tolist()
+    to_end = hypot(end_x - x, end_y - y)
     left = length - arc
     near = min(limits.arrival_radius_m, 0.3 * length) if length > 0.0 else limits.arrival_radius_m
     if progress.arrived or (to_end < near and left < 2.0) or (to_end < 1.0 and left < 1e-3):
-        return STOP, replace(progress, arc_m=arc, arrived=True)
-    yaw = euler_from_quaternion(pose.pose.quaternion_w)[2] + (np.pi if reverse else 0.0)
-    speed_now = float(np.linalg.norm(pose.velocity_w[:2]))
+        return STOP, Progress(arc, progress.turning, arrived=True)
+    yaw = euler_from_quaternion(pose.pose.quaternion_w)[2] + (pi if reverse else 0.0)
+    speed_now = hypot(*pose.velocity_w[:2].tolist())
     lookahead = limits.lookahead_m + limits.lookahead_time_s * speed_now
-    target = np.array(_point_at(path_w, arc + lookahead)) - position
-    error = wrap_angle(np.arctan2(target[1], target[0]) - yaw)
+    ahead_x, ahead_y = _point_at(path_w, arc + lookahead)
+    error = wrap_angle(atan2(ahead_y - y, ahead_x - x) - yaw)
     turning = abs(error) > (limits.turn_end_rad if progress.turning else limits.turn_start_rad)
-    following = replace(progress, arc_m=arc, turning=turning)
+    following = Progress(arc, turning, progress.arrived)
     if turning:
         return Command(0.0, _turn_rate(error, footprint, limits)), following
     tightest = (1.0 - limits.inner_share) / _effective_half_track(footprint)
     error -= _drift(pose, yaw)
-    curvature = _clamp(2.0 * float(np.sin(error)) / max(float(np.linalg.norm(target)), 0.2), tightest)
+    curvature = _clamp(2.0 * sin(error) / max(hypot(ahead_x - x, ahead_y - y), 0.2), tightest)
     speed = _speed(curvature, max(to_end, left), footprint, limits)
     rate = _clamp(speed * curvature, footprint.max_yaw_rate_rad_s)
     return Command(-speed if reverse else speed, rate), following
@@ -161,17 +163,16 @@ def _effective_half_track(footprint: Footprint) -> float:
 
 def _drift(pose: PoseEstimate, heading_rad: float) -> float:
     """Angle (rad) from the leading heading to the course: across a slope the rover goes downhill of where it points."""
-    east, north = float(pose.velocity_w[0]), float(pose.velocity_w[1])
-    sin, cos = float(np.sin(heading_rad)), float(np.cos(heading_rad))
-    ahead, left = east * cos + north * sin, north * cos - east * sin
-    return _clamp(float(np.arctan2(left, max(ahead, LEAST_COURSE_M_S))), MOST_DRIFT_RAD)
+    east, north = pose.velocity_w[:2].tolist()
+    s, c = sin(heading_rad), cos(heading_rad)
+    ahead, left = east * c + north * s, north * c - east * s
+    return _clamp(atan2(left, max(ahead, LEAST_COURSE_M_S)), MOST_DRIFT_RAD)
 
 
 def _turn_rate(error_rad: float, footprint: Footprint, limits: Limits) -> float:
     fastest = min(limits.turn_rate_rad_s, footprint.max_yaw_rate_rad_s)
-    return float(
-        np.copysign(np.clip(1.2 * abs(error_rad), min(limits.least_turn_rate_rad_s, fastest), fastest), error_rad)
-    )
+    least = min(limits.least_turn_rate_rad_s, fastest)
+    return copysign(min(max(1.2 * abs(error_rad), least), fastest), error_rad)
 
 
 def _speed(curvature: float, remaining_m: float, footprint: Footprint, limits: Limits) -> float:

@@ -5,14 +5,17 @@ The slip stop of 40 % within one wheel revolution is that of the Mars Exploratio
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import StrEnum
+from math import acos, exp, hypot, pi
 
 import numpy as np
 
 from planner.mobility import Command, rim_speeds
-from worlds.geometry import euler_from_quaternion, rotation_from_quaternion, wrap_angle
+from worlds.geometry import euler_from_quaternion, wrap_angle
 from worlds.types import Footprint, PoseEstimate
+
+Place = tuple[float, float, float]  # and heading
 
 
 class Advice(StrEnum):
@@ -53,11 +56,11 @@ class MonitorState:
     slip_left: float = 0.0
     slip_right: float = 0.0
     slipping_m: float = 0.0  # wheel travel since slip went over the limit
-    anchor: tuple[float, float, float] | None = None  # place and heading of the last progress
+    anchor: Place | None = None  # place and heading of the last progress
     anchor_time_s: float = 0.0
     turn_from_rad: float = 0.0  # heading at which the rover last got on turning on the spot
     turn_asked_rad: float = 0.0  # since then
-    place: tuple[float, float, float] | None = None  # and heading, that the rover has hardly left
+    place: Place | None = None  # and heading, that the rover has hardly left
     travel_m: float = 0.0  # of its wheels since it came there
 
 
@@ -72,13 +75,18 @@ def watch(
     """The state after one look at motion and wheels, and the advice."""
     limits = limits or MonitorLimits()
     step = max(estimate.time_s - state.time_s, 0.0)
-    slipped = _slip(state, estimate, wheel_speed_rad_s, footprint, limits, step)
-    moved = _turn_progress(_progress(slipped, estimate, command, limits), estimate, command, limits, step)
-    travel = float(np.mean(np.abs(wheel_speed_rad_s))) * footprint.wheel_radius_m * step
-    after = replace(_tread(moved, estimate, travel, limits), time_s=estimate.time_s)
+    wheels_m_s = sum([abs(speed) for speed in wheel_speed_rad_s]) / len(wheel_speed_rad_s) * footprint.wheel_radius_m
+    travel, here = wheels_m_s * step, _here(estimate)
+    after = MonitorState(
+        estimate.time_s,
+        *_slips(state, side_speeds(estimate, footprint), rim_speeds(wheel_speed_rad_s, footprint), limits, travel),
+        *_progress(state, here, estimate.time_s, command, limits),
+        *_turn_progress(state, here[2], command, limits, step),
+        *_tread(state, here, travel, limits),
+    )
     if tilt(estimate) > limits.tilt_rad:
         return after, Advice.TILT
-    if after.slipping_m > limits.slip_revolutions * 2.0 * np.pi * footprint.wheel_radius_m:
+    if after.slipping_m > limits.slip_revolutions * 2.0 * pi * footprint.wheel_radius_m:
         return after, Advice.SLIP_STOP
     if estimate.time_s - after.anchor_time_s > limits.stuck_time_s:
         return after, Advice.STUCK
@@ -96,41 +104,41 @@ def resume(state: MonitorState) -> MonitorState:
 
 def tilt(estimate: PoseEstimate) -> float:
     """Angle between the body's up axis and the vertical, radians."""
-    return float(np.arccos(np.clip(rotation_from_quaternion(estimate.pose.quaternion_w)[2, 2], -1.0, 1.0)))
+    x, y, _, _ = estimate.pose.quaternion_w.tolist()
+    return acos(min(max(1.0 - 2.0 * (x * x + y * y), -1.0), 1.0))
 
 
 def side_speeds(estimate: PoseEstimate, footprint: Footprint) -> tuple[float, float, float]:
     """Believed speed along x of the body, and of its left and right wheel rows over the ground."""
-    forward = rotation_from_quaternion(estimate.pose.quaternion_w)[:, 0]
-    speed = float(estimate.velocity_w @ forward)
+    x, y, z, w = estimate.pose.quaternion_w.tolist()
+    east, north, up = estimate.velocity_w.tolist()
+    speed = east * (1 - 2 * (y * y + z * z)) + 2 * north * (x * y + z * w) + 2 * up * (x * z - y * w)
     # Skidding is part of turning, no slip stop: sides are judged by the effective track.
     turn = estimate.yaw_rate_rad_s * footprint.effective_track_ratio * footprint.track_m / 2.0
     return speed, speed - turn, speed + turn
 
 
-def _slip(
+def _slips(
     state: MonitorState,
-    estimate: PoseEstimate,
-    wheels: tuple[float, ...],
-    footprint: Footprint,
+    speeds_m_s: tuple[float, float, float],
+    rims_m_s: tuple[float, float],
     limits: MonitorLimits,
-    step: float,
-) -> MonitorState:
-    """Averages of slip = 1 - true over wheel speed, and the wheel travel spent above the limit."""
-    body, left, right = side_speeds(estimate, footprint)
-    wheel_left, wheel_right = rim_speeds(wheels, footprint)
-    mean = (wheel_left + wheel_right) / 2.0
-    travel = float(np.mean(np.abs(wheels))) * footprint.wheel_radius_m * step
-    share = 1.0 - float(np.exp(-travel / limits.smoothing_m))
+    travel: float,
+) -> tuple[float, float, float, float]:
+    """Averages of slip = 1 - true over wheel speed (body, left, right), and the wheel travel spent above the limit.
+
+    ``speeds_m_s`` of body, left and right wheels over the ground, ``rims_m_s`` of the left and right rims.
+    """
+    mean = (rims_m_s[0] + rims_m_s[1]) / 2.0
+    share = 1.0 - exp(-travel / limits.smoothing_m)
     least = limits.least_wheel_speed_m_s
-    slip = _blend(state.slip, body, mean, share, least)
+    slip = _blend(state.slip, speeds_m_s[0], mean, share, least)
     slipping = state.slipping_m + travel if slip > limits.slip and abs(mean) > least else 0.0
-    return replace(
-        state,
-        slip=slip,
-        slip_left=_blend(state.slip_left, left, wheel_left, share, least),
-        slip_right=_blend(state.slip_right, right, wheel_right, share, least),
-        slipping_m=slipping if travel > 0.0 else state.slipping_m,
+    return (
+        slip,
+        _blend(state.slip_left, speeds_m_s[1], rims_m_s[0], share, least),
+        _blend(state.slip_right, speeds_m_s[2], rims_m_s[1], share, least),
+        slipping if travel > 0.0 else state.slipping_m,
     )
 
 
@@ -141,40 +149,38 @@ def _blend(old: float, true_speed: float, wheel_speed: float, share: float, leas
 
 
 def _turn_progress(
-    state: MonitorState, estimate: PoseEstimate, command: Command, limits: MonitorLimits, step: float
-) -> MonitorState:
-    """Adds up the turn on the spot that is asked for, from the heading at which the rover last got on."""
-    heading = euler_from_quaternion(estimate.pose.quaternion_w)[2]
+    state: MonitorState, heading: float, command: Command, limits: MonitorLimits, step: float
+) -> tuple[float, float]:
+    """The heading at which the rover last got on, and the turn on the spot that was asked for since."""
     turned = abs(wrap_angle(heading - state.turn_from_rad))
     if command.linear_m_s != 0.0 or command.yaw_rate_rad_s == 0.0 or turned > limits.stuck_turn_rad:
-        return replace(state, turn_from_rad=heading, turn_asked_rad=0.0)
-    return replace(state, turn_asked_rad=state.turn_asked_rad + step * abs(command.yaw_rate_rad_s))
+        return heading, 0.0
+    return state.turn_from_rad, state.turn_asked_rad + step * abs(command.yaw_rate_rad_s)
 
 
-def _tread(state: MonitorState, estimate: PoseEstimate, travel_m: float, limits: MonitorLimits) -> MonitorState:
-    """Adds up the wheels' travel at one place, until the rover has left it or turned away."""
-    here = _here(estimate)
+def _tread(state: MonitorState, here: Place, travel_m: float, limits: MonitorLimits) -> tuple[Place, float]:
+    """A place, and the wheels' travel at it, until the rover has left it or turned away."""
     if state.place is not None:
-        moved = float(np.hypot(here[0] - state.place[0], here[1] - state.place[1]))
+        moved = hypot(here[0] - state.place[0], here[1] - state.place[1])
         if moved < limits.treading_distance_m and abs(wrap_angle(here[2] - state.place[2])) < limits.treading_turn_rad:
-            return replace(state, travel_m=state.travel_m + travel_m)
-    return replace(state, place=here, travel_m=0.0)
+            return state.place, state.travel_m + travel_m
+    return here, 0.0
 
 
-def _here(estimate: PoseEstimate) -> tuple[float, float, float]:
+def _here(estimate: PoseEstimate) -> Place:
     """Place and heading."""
-    x, y = (float(value) for value in estimate.pose.position_w[:2])
+    x, y, _ = estimate.pose.position_w.tolist()
     return x, y, euler_from_quaternion(estimate.pose.quaternion_w)[2]
 
 
-def _progress(state: MonitorState, estimate: PoseEstimate, command: Command, limits: MonitorLimits) -> MonitorState:
-    """Moves the anchor when the rover got on, turned, or was not asked to."""
-    here = _here(estimate)
-    x, y = here[:2]
+def _progress(
+    state: MonitorState, here: Place, time_s: float, command: Command, limits: MonitorLimits
+) -> tuple[Place, float]:
+    """The anchor and its time: moved when the rover got on, turned, or was not asked to."""
     asked = abs(command.linear_m_s) > 0.02 or abs(command.yaw_rate_rad_s) > 0.02
     if state.anchor is not None and asked:
-        moved = float(np.hypot(x - state.anchor[0], y - state.anchor[1]))
-        turned = abs((here[2] - state.anchor[2] + np.pi) % (2 * np.pi) - np.pi)
+        moved = hypot(here[0] - state.anchor[0], here[1] - state.anchor[1])
+        turned = abs(wrap_angle(here[2] - state.anchor[2]))
         if moved < limits.stuck_distance_m and turned < limits.stuck_turn_rad:
-            return state
-    return replace(state, anchor=here, anchor_time_s=estimate.time_s)
+            return state.anchor, state.anchor_time_s
+    return here, time_s

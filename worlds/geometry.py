@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from math import asin, atan2, cos, pi, sin
+
 import numpy as np
 
 from worlds.types import CameraModel, FloatArray, Pose, Vector3
@@ -9,7 +11,7 @@ from worlds.types import CameraModel, FloatArray, Pose, Vector3
 
 def rotation_from_quaternion(quaternion: FloatArray) -> FloatArray:
     """Rotation matrix (3, 3) of a unit quaternion (4,): columns are the body axes in the world."""
-    x, y, z, w = (float(value) for value in quaternion)
+    x, y, z, w = np.asarray(quaternion, dtype=float).tolist()
     return np.array(
         [
             [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
@@ -45,9 +47,9 @@ def quaternion_from_rotation(rotation: FloatArray) -> FloatArray:
 
 def quaternion_from_euler(roll_rad: float, pitch_rad: float, yaw_rad: float) -> FloatArray:
     """Unit quaternion (4,) of roll about x, then pitch about y, then yaw about z (nose down is positive pitch)."""
-    cr, sr = np.cos(roll_rad / 2), np.sin(roll_rad / 2)
-    cp, sp = np.cos(pitch_rad / 2), np.sin(pitch_rad / 2)
-    cy, sy = np.cos(yaw_rad / 2), np.sin(yaw_rad / 2)
+    cr, sr = cos(roll_rad / 2), sin(roll_rad / 2)
+    cp, sp = cos(pitch_rad / 2), sin(pitch_rad / 2)
+    cy, sy = cos(yaw_rad / 2), sin(yaw_rad / 2)
     return np.array(
         [
             sr * cp * cy - cr * sp * sy,
@@ -60,16 +62,16 @@ def quaternion_from_euler(roll_rad: float, pitch_rad: float, yaw_rad: float) -> 
 
 def euler_from_quaternion(quaternion: FloatArray) -> tuple[float, float, float]:
     """Roll, pitch and yaw in radians, the inverse of `quaternion_from_euler`."""
-    x, y, z, w = (float(value) for value in quaternion)
-    roll = np.arctan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
-    pitch = np.arcsin(np.clip(2 * (w * y - z * x), -1.0, 1.0))
-    yaw = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
-    return float(roll), float(pitch), float(yaw)
+    x, y, z, w = np.asarray(quaternion, dtype=float).tolist()
+    roll = atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
+    pitch = asin(min(max(2 * (w * y - z * x), -1.0), 1.0))
+    yaw = atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+    return roll, pitch, yaw
 
 
 def wrap_angle(angle_rad: float) -> float:
     """The same angle in [-pi, pi)."""
-    return float((angle_rad + np.pi) % (2 * np.pi) - np.pi)
+    return (float(angle_rad) + pi) % (2 * pi) - pi
 
 
 def camera_pose(body: Pose, camera: CameraModel) -> Pose:

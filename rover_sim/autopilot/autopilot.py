@@ -49,6 +49,7 @@ class Autopilot:
         self._targets = TargetFollower(footprint)
         self._traction = Traction()
         self._motion = STOP
+        self._limits_of, self._kept_limits = self.parameters.changes, limits(self.parameters, footprint)
         self._time_s: float | None = None
         self._estimate: PoseEstimate | None = None
         self._events: list[Event] = []
@@ -293,7 +294,9 @@ class Autopilot:
             self.parameters.set("FENCE_ENABLE", float(item.on))
 
     def _limits(self) -> Limits:
-        return limits(self.parameters, self.footprint)
+        if self._limits_of != self.parameters.changes:
+            self._limits_of, self._kept_limits = self.parameters.changes, limits(self.parameters, self.footprint)
+        return self._kept_limits
 
     def _say(self, severity: Severity, text: str) -> None:
         self._events.append(Text(severity, text))

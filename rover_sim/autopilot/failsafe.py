@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
-import numpy as np
+from dataclasses import dataclass, replace
+from math import degrees, inf, isfinite, radians
 
 from planner.mobility import Command
 from planner.monitor import Advice, MonitorLimits, MonitorState, resume, tilt, watch
@@ -44,7 +43,7 @@ class Failsafe:
         """Why the rover must not begin to drive by itself now; None if it may."""
         reason = _pose_fault(time_s, estimate, parameters)
         if reason is None and estimate is not None and tilt(estimate) > _tilt_limit_rad(parameters):
-            return f"tilted by {np.rad2deg(tilt(estimate)):.0f} deg"
+            return f"tilted by {degrees(tilt(estimate)):.0f} deg"
         return reason
 
     def update(
@@ -60,10 +59,12 @@ class Failsafe:
         if fault is not None or estimate is None:
             return Trip(Severity.CRITICAL, f"Pose lost: {fault}")
         limits = MonitorLimits(
-            slip=parameters["FS_SLIP_PCT"] / 100.0 if parameters["FS_SLIP_ENABLE"] else float("inf"),
+            slip=parameters["FS_SLIP_PCT"] / 100.0 if parameters["FS_SLIP_ENABLE"] else inf,
             tilt_rad=_tilt_limit_rad(parameters),
-            stuck_time_s=parameters["FS_STUCK_S"] if parameters["FS_STUCK_ENABLE"] else float("inf"),
+            stuck_time_s=parameters["FS_STUCK_S"],
         )
+        if not parameters["FS_STUCK_ENABLE"]:
+            limits = replace(limits, stuck_time_s=inf, vain_turn_rad=inf, treading_m=inf)
         wheels = readings.wheel_speed_rad_s
         self.monitor, advice = watch(self.monitor, estimate, wheels, commanded, self._footprint, limits)
         return self._judge(time_s, estimate, advice, parameters)
@@ -73,7 +74,7 @@ class Failsafe:
             since = self._tilted_since_s = time_s if self._tilted_since_s is None else self._tilted_since_s
             if time_s - since < parameters["FS_TILT_S"]:
                 return None
-            return Trip(Severity.CRITICAL, f"Tilt {np.rad2deg(tilt(estimate)):.0f} deg")
+            return Trip(Severity.CRITICAL, f"Tilt {degrees(tilt(estimate)):.0f} deg")
         self._tilted_since_s = None
         if advice is Advice.SLIP_STOP:
             return Trip(Severity.CRITICAL, f"Slip stop: slip {100.0 * self.monitor.slip:.0f} %")
@@ -83,7 +84,7 @@ class Failsafe:
 
 
 def _tilt_limit_rad(parameters: ParameterTable) -> float:
-    return float(np.deg2rad(parameters["FS_TILT_DEG"])) if parameters["FS_TILT_ENABLE"] else float("inf")
+    return radians(parameters["FS_TILT_DEG"]) if parameters["FS_TILT_ENABLE"] else inf
 
 
 def _pose_fault(time_s: float, estimate: PoseEstimate | None, parameters: ParameterTable) -> str | None:
@@ -91,7 +92,7 @@ def _pose_fault(time_s: float, estimate: PoseEstimate | None, parameters: Parame
     if estimate is None:
         return "no pose estimate"
     pose = estimate.pose
-    if not (np.all(np.isfinite(pose.position_w)) and np.all(np.isfinite(pose.quaternion_w))):
+    if not all(map(isfinite, (*pose.position_w.tolist(), *pose.quaternion_w.tolist()))):
         return "pose estimate is not finite"
     age_s = time_s - estimate.time_s
     if not age_s <= parameters["FS_POSE_S"]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import numpy as np
+from math import radians
 
 from planner.mobility import Limits
 from rover_sim.autopilot.parameters import ParameterTable
@@ -16,7 +16,7 @@ def limits(parameters: ParameterTable, footprint: Footprint) -> Limits:
     """Speeds, accelerations and distances of a mission."""
     return Limits(
         cruise_speed_m_s=parameters["CRUISE_SPEED"],
-        turn_rate_rad_s=float(np.deg2rad(parameters["TURN_RATE"])),
+        turn_rate_rad_s=radians(parameters["TURN_RATE"]),
         arrival_radius_m=parameters["WP_RADIUS"],
         acceleration_m_s2=parameters["ACCEL_MAX"],
         yaw_acceleration_rad_s2=_YAW_PER_ACCELERATION * parameters["ACCEL_MAX"],

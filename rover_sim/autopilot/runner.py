@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from math import hypot
 
 import numpy as np
 
@@ -149,7 +150,9 @@ class MissionRunner:
         radius = item.radius_m if isinstance(item, DriveTo) and item.radius_m > 0.0 else limits.arrival_radius_m
         cruise = limits.cruise_speed_m_s if self._speed_m_s is None else self._speed_m_s
         arrival = radius if stops else limits.arrival_radius_m
-        tuned = replace(limits, cruise_speed_m_s=cruise, arrival_radius_m=arrival)
+        tuned = limits
+        if (cruise, arrival) != (limits.cruise_speed_m_s, limits.arrival_radius_m):
+            tuned = replace(limits, cruise_speed_m_s=cruise, arrival_radius_m=arrival)
         command, leg.progress = follow_path(
             leg.path_w, estimate, self._footprint, tuned, leg.progress, reverse=self._reverse
         )
@@ -163,8 +166,8 @@ class MissionRunner:
 
     def _passed(self, leg: _Leg, estimate: PoseEstimate, radius_m: float) -> bool:
         """Whether the waypoint is within its radius, or lies behind on the path: a cut corner counts."""
-        place = np.asarray(self._place(self.current)[:2])
-        near = float(np.linalg.norm(place - estimate.pose.position_w[:2])) < radius_m
+        x_m, y_m, _ = self._place(self.current)
+        near = hypot(x_m - float(estimate.pose.position_w[0]), y_m - float(estimate.pose.position_w[1])) < radius_m
         return near or leg.progress.arrived or leg.progress.arc_m > float(leg.arcs_m[0])
 
     def _plan_leg(self, estimate: PoseEstimate) -> _Leg:

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from math import isfinite
 from typing import Protocol
-
-import numpy as np
 
 from rover_sim.autopilot.autopilot import Autopilot
 from rover_sim.mavlink.dialect import Message
@@ -68,5 +67,5 @@ class Service(Protocol):
 
 def _finite(estimate: PoseEstimate) -> bool:
     pose = estimate.pose
-    numbers = (*pose.position_w, *pose.quaternion_w, *estimate.velocity_w, estimate.yaw_rate_rad_s)
-    return bool(np.isfinite(numbers).all())
+    vectors = (*pose.position_w.tolist(), *pose.quaternion_w.tolist(), *estimate.velocity_w.tolist())
+    return all(map(isfinite, vectors)) and isfinite(estimate.yaw_rate_rad_s)

@@ -28,7 +28,7 @@ class ContactReader:
         self._any = obstacles.any
         self.obstacles = obstacles.index
         self._wheel_place = {link: place for place, link in enumerate(rover.wheels)}
-        self._before: list[float] = [0.0] * 9  # position, velocity and rate
+        self._before: list[float] = [0.0] * 13  # position, attitude, velocity and rate
         self._now: list[tuple[Any, ...]] = []
         self._kept: dict[int, BodyContact] = {}
         self._wheel_touched = False
@@ -37,7 +37,7 @@ class ContactReader:
     def before_step(self, raw: FloatArray) -> None:
         """Remember the motion (13,) with which obstacles will be met."""
         if self._any:
-            self._before = [*raw[:3].tolist(), *raw[7:13].tolist()]
+            self._before = raw[:13].tolist()
 
     def after_step(self, time_s: float) -> None:
         """Read the contacts of the step that ended at ``time_s``."""
@@ -99,7 +99,7 @@ class ContactReader:
 
     def _body_contact(self, point: tuple[Any, ...], time_s: float) -> BodyContact:
         x, y, z = point[_POINT]
-        cx, cy, cz, vx, vy, vz, wx, wy, wz = self._before
+        cx, cy, cz, _, _, _, _, vx, vy, vz, wx, wy, wz = self._before
         dx, dy, dz = x - cx, y - cy, z - cz
         nx, ny, nz = point[_NORMAL_TO_ROVER]
         # Approach of the hull's point, velocity + rate x lever, along the normal.

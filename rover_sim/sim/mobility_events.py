@@ -186,7 +186,8 @@ def rolling_speeds(state: VehicleState, standards: Standards) -> tuple[FloatArra
 
 def active_kinds(memory: Memory) -> dict[Kind, bool]:
     """Which kinds of events last at the moment, at any wheel."""
-    return {kind: bool(row.any()) for kind, row in zip(KINDS, memory.active, strict=True)}
+    lasting: list[bool] = np.any(memory.active, axis=1).tolist()
+    return dict(zip(KINDS, lasting, strict=True))
 
 
 def _event(row: int, column: int, state: VehicleState) -> MobilityEvent:
@@ -211,6 +212,8 @@ class MobilityLog:
 
     def digging(self, state: VehicleState) -> bool:
         """Whether at least half of the wheels are embedding, and turn."""
+        if not self.memory.active[EMBEDDING].any():
+            return False
         rim, _ = rolling_speeds(state, self._standards)
         turning = np.abs(rim) > self._standards.limits.least_speed_m_s
         return bool(2 * np.count_nonzero(self.memory.active[EMBEDDING, :-1] & turning) >= len(turning))

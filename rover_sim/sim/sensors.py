@@ -33,14 +33,14 @@ class Sensors:
     def __init__(self, gnss: bool, gravity_m_s2: float, rover: RoverModel, rng: np.random.Generator) -> None:
         self._gnss, self._gravity, self._rng = gnss, gravity_m_s2, rng
         self._centre_b = np.array(rover.chassis.centre_of_mass_m)
-        self._acceleration_bias = rng.normal(0.0, _ACCELERATION_BIAS_SD, 3)
-        self._rate_bias = rng.normal(0.0, _RATE_BIAS_SD, 3)
+        self._acceleration_bias = rng.normal(0.0, _ACCELERATION_BIAS_SD, 3).tolist()
+        self._rate_bias = rng.normal(0.0, _RATE_BIAS_SD, 3).tolist()
         self._heading_bias = float(rng.normal(0.0, _HEADING_BIAS_SD))
         self._last: SensorReadings | None = None
 
     def start(self, raw: FloatArray, wheel_angles_rad: Sequence[float]) -> None:
         """Begin at time zero with the rover at rest; ``raw`` as in `soil_kernels.ground_forces`."""
-        self._time_s, self._velocity = 0.0, raw[7:10].copy()
+        self._time_s, self._velocity = 0.0, raw[7:10].tolist()
         self._counts = _count(wheel_angles_rad)
         self._next_fix = 0
         self._last = None
@@ -53,20 +53,27 @@ class Sensors:
             return self._last
         span = time_s - self._time_s
         rotation = rotation_from_quaternion(raw[3:7])
-        imu = self._imu(rotation, raw, span)
+        imu = self._imu(rotation.tolist(), raw[7:13].tolist(), span)
         speeds = self._wheel_speeds(wheel_angles_rad, span)
-        self._time_s, self._velocity = time_s, raw[7:10].copy()
+        self._time_s, self._velocity = time_s, raw[7:10].tolist()
         self._last = SensorReadings(time_s, imu, speeds, self._fix(time_s, rotation, raw), battery)
         return self._last
 
-    def _imu(self, rotation: FloatArray, raw: FloatArray, span: float) -> ImuReading:
-        acceleration = (raw[7:10] - self._velocity) / span if span > 0.0 else np.zeros(3)
-        force = rotation.T @ (acceleration + np.array([0.0, 0.0, self._gravity]))
-        force = force + self._acceleration_bias + self._rng.normal(0.0, _ACCELERATION_NOISE_SD, 3)
-        rate = rotation.T @ raw[10:13] + self._rate_bias + self._rng.normal(0.0, _RATE_NOISE_SD, 3)
-        heading = atan2(rotation[1, 0], rotation[0, 0]) + self._heading_bias
-        heading += float(self._rng.normal(0.0, _HEADING_NOISE_SD))
-        return ImuReading(_vector(force), _vector(rate), wrap_angle(heading))
+    def _imu(self, rotation: list[list[float]], motion: list[float], span: float) -> ImuReading:
+        """Readings for a motion (6,) of velocity and rate in the world; plain numbers, as NumPy's calls are slower."""
+        (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = rotation
+        noise = self._rng.standard_normal(7).tolist()
+        x, y, z = ((now - old) / span if span > 0.0 else 0.0 for now, old in zip(motion, self._velocity, strict=False))
+        z += self._gravity
+        felt = (xx * x + yx * y + zx * z, xy * x + yy * y + zy * z, xz * x + yz * y + zz * z)
+        x, y, z = motion[3:]
+        turned = (xx * x + yx * y + zx * z, xy * x + yy * y + zy * z, xz * x + yz * y + zz * z)
+        heading = atan2(yx, xx) + self._heading_bias + _HEADING_NOISE_SD * noise[6]
+        return ImuReading(
+            _noisy(felt, self._acceleration_bias, _ACCELERATION_NOISE_SD, noise[:3]),
+            _noisy(turned, self._rate_bias, _RATE_NOISE_SD, noise[3:6]),
+            wrap_angle(heading),
+        )
 
     def _wheel_speeds(self, angles_rad: Sequence[float], span: float) -> tuple[float, ...]:
         """Mean speed of each wheel since the last reading, from whole encoder counts."""
@@ -88,6 +95,10 @@ class Sensors:
 
 def _count(angles_rad: Sequence[float]) -> list[int]:
     return [floor(angle * _COUNTS_PER_TURN / tau) for angle in angles_rad]
+
+
+def _noisy(true: Vector3, bias: list[float], sd: float, noise: list[float]) -> Vector3:
+    return true[0] + bias[0] + sd * noise[0], true[1] + bias[1] + sd * noise[1], true[2] + bias[2] + sd * noise[2]
 
 
 def _vector(values: FloatArray) -> Vector3:

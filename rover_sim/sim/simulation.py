@@ -62,6 +62,7 @@ class Simulation:
         self._around = Surroundings(self._contacts.obstacles, rover)
         self._sensors = Sensors(world.scenario.sensors.gnss, gravity, rover, rng)
         self._wheel_targets = [0.0] * len(self._body.wheels)
+        self._steady: tuple[float, ...] | None = None  # a command that the set points have reached
         self._chassis_and_wheels = self._ground.raw[: 13 + len(self._body.wheels)]  # a view
         self._recent_motion: deque[truth.Motion] = deque(maxlen=_ACCELERATION_STEPS)
         self._pushed: Vector3 = _NO_PUSH
@@ -173,14 +174,18 @@ class Simulation:
         motor = self.rover.motor
         if self._battery.empty:
             speeds = [0.0] * len(self._wheel_targets)
+        if tuple(speeds) == self._steady:
+            return
         change = motor.max_acceleration_rad_s2 * self.dt
         targets = [
             now + min(max(min(max(wish, -motor.max_speed_rad_s), motor.max_speed_rad_s) - now, -change), change)
             for now, wish in zip(self._wheel_targets, speeds, strict=True)
         ]
         if targets != self._wheel_targets:
-            self._wheel_targets = targets
+            self._wheel_targets, self._steady = targets, None
             physics.drive_wheels(self._client, self._body, targets, motor.max_torque_Nm)
+        else:
+            self._steady = tuple(speeds)
 
     def _push(self) -> None:
         """Hand the forces of the ground to PyBullet."""
@@ -217,10 +222,16 @@ class Simulation:
         self._pushed = _NO_PUSH
 
     def _account(self) -> None:
-        powers = [torque * speed for torque, speed in zip(self._torques, self._wheel_speeds, strict=True)]
-        self._power_W = sum([max(power, 0.0) for power in powers]) + self.rover.motor.idle_power_W
+        driving = braking = 0.0
+        for torque, speed in zip(self._torques, self._wheel_speeds, strict=True):
+            power = torque * speed
+            if power > 0.0:
+                driving += power
+            else:
+                braking += power
+        self._power_W = driving + self.rover.motor.idle_power_W
         self._energy_J += self._power_W * self.dt
-        self._motor_work_J += sum(powers) * self.dt
+        self._motor_work_J += (driving + braking) * self.dt
 
     def _snapshot(self) -> truth.Snapshot:
         hubs_w, centre_w = self._ground.locate()

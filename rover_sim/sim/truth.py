@@ -15,7 +15,6 @@ from rover_sim.sim.support_polygon import outline
 from rover_sim.sim.surroundings import Surface, Surroundings
 from rover_sim.sim.vehicle_state import BodyContact, VehicleState
 from worlds.geometry import rotation_from_quaternion
-from worlds.heightfield import contains
 from worlds.types import BoolArray, FloatArray, HeightField, Pose, Vector3
 
 Motion = tuple[Vector3, Vector3, Vector3]  # velocity and rate of the chassis' centre of mass, push of that step (N)
@@ -54,8 +53,9 @@ def observe(now: Snapshot) -> VehicleState:
     offset = rotation @ np.array(now.rover.chassis.centre_of_mass_m)
     position, rate = now.raw[:3] - offset, now.raw[10:13].copy()
     hubs, wheel_speeds = now.hubs_w, now.raw[13 : 13 + len(now.hubs_w)].copy()
-    ahead = np.array([rotation[1, 1], -rotation[0, 1]])  # axle x up: level
-    directions = np.tile(ahead / max(hypot(*ahead), 1e-9), (len(hubs), 1))
+    (_, ahead_y, _), (ahead_x, _, _), _ = rotation.tolist()  # axle x up: level
+    level = max(hypot(ahead_x, ahead_y), 1e-9)
+    directions = np.full((len(hubs), 2), (ahead_x / level, -ahead_y / level))
     feet = hubs[list(_outline(now.rover))] - now.rover.wheel.radius_m * rotation[:, 2]
     tip_angle, tip_rate = np.empty(len(feet)), np.empty(len(feet))
     tip_angles(feet, now.centre_w, _DOWN, rate, tip_angle, tip_rate)
@@ -85,20 +85,31 @@ def observe(now: Snapshot) -> VehicleState:
         belly_clearance_m=now.around.belly_clearance(now.surface, position, rotation),
         body_contacts=now.body_contacts,
         wheel_contacts=now.wheel_contacts,
-        off_map=not bool(np.all(contains(now.field, hubs[:, 0], hubs[:, 1]))),
+        off_map=_off_map(now.field, hubs),
     )
+
+
+def _off_map(field: HeightField, places_w: FloatArray) -> bool:
+    """Whether any of a few places (n, 3) is not on the map."""
+    (west, east), (south, north) = field.x_limits_m, field.y_limits_m
+    return not all(west <= x <= east and south <= y <= north for x, y, _ in places_w.tolist())
 
 
 def _stability(now: Snapshot, rotation: FloatArray, feet: FloatArray) -> float:
     """Force-angle measure divided by its value at rest on level ground."""
-    rover = now.rover
+    rover, steps = now.rover, max(len(now.motion) - 1, 1)
     (old_velocity, old_rate, _), (velocity, rate, _) = now.motion[0], now.motion[-1]
-    steps = max(len(now.motion) - 1, 1)
-    acceleration = (np.array(velocity) - old_velocity) / (steps * now.dt)
-    turning = rotation.T @ ((np.array(rate) - old_rate) / (steps * now.dt))
-    push = np.array([sum(axis) for axis in zip(*(step[2] for step in now.motion), strict=True)])
-    force = rover.mass_kg * (now.gravity_m_s2 * _DOWN - acceleration) + push / steps
-    moment = -rotation @ (_inertia(rover) @ turning)
+    span = steps * now.dt
+    pushes = [sum(axis) / steps for axis in zip(*(step[2] for step in now.motion), strict=True)]
+    fall = (0.0, 0.0, -now.gravity_m_s2)
+    force = np.array(
+        [
+            rover.mass_kg * (g - (new - old) / span) + push
+            for g, new, old, push in zip(fall, velocity, old_velocity, pushes, strict=True)
+        ]
+    )
+    turning = np.array([(new - old) / span for new, old in zip(rate, old_rate, strict=True)])
+    moment = -rotation @ (_inertia(rover) @ (turning @ rotation))
     margin = force_angle(feet, now.centre_w, force, moment)
     return margin / _level_measure(rover, now.gravity_m_s2)
 
