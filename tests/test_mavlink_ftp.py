@@ -170,6 +170,12 @@ def test_files_are_listed_and_read(client: Client) -> None:
     answer = client.one(Opcode.LIST_DIRECTORY, b"/")
     assert answer.data == b"Fa.tlog\t10040\0Fempty\t0\0Dold\0"
     assert client.fails(Opcode.LIST_DIRECTORY, b"/", offset=3) == 6
+    session, _ = client.open(b"a.tlog")
+    end = client.one(Opcode.BURST_READ_FILE, session=session, offset=len(CONTENT), size=80)
+    assert (end.opcode, end.offset) == (
+        Opcode.NAK,
+        len(CONTENT),
+    )  # pymavlink asks for the offset
     assert client.one(Opcode.LIST_DIRECTORY, b"old", offset=0).data == b"Fb.txt\t1\0"
     assert client.fetch(b"/a.tlog") == CONTENT
     assert client.fetch_in_bursts(b"a.tlog") == CONTENT

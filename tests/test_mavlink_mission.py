@@ -392,3 +392,15 @@ def test_a_refused_list_takes_the_place_of_the_one_before(
         assert talk(yard, station, count(len(ITEMS))) == ([], [DENIED])
         assert talk(yard, other, put(0, OTHER[0])) == ([], [ACCEPTED])
     assert talk(yard, station, put(len(ITEMS) - 1)) == ([], [refusal])
+
+
+@pytest.mark.parametrize(
+    ("x", "y", "code"),
+    [(236.0, 0.0, 10), (0.0, -300.0, 11), (math.nan, 0.0, 10), (0.0, math.inf, 11), (1e30, 1e30, 10)],
+)
+def test_degrees_that_fit_no_item_end_the_upload(yard: Yard, station: Station, x: float, y: float, code: int) -> None:
+    """The older message, in a command without a place: its numbers are stored, and must fit."""
+    assert talk(yard, station, count(1)) == ([0], [])
+    wrong = mavlink.MAVLink_mission_item_message(1, 1, 0, 2, 178, 0, 1, 1.0, 0.5, -1.0, 0.0, x, y, 0.0, 0)
+    assert talk(yard, station, wrong) == ([], [code])
+    assert upload(yard, station, ITEMS) == [ACCEPTED]

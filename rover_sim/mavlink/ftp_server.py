@@ -163,7 +163,7 @@ class FileServer:
             data += entry
         if not data:
             raise FtpError(Failure.EOF)
-        return [replace(_ack(request), data=data, offset=request.offset)]
+        return [replace(_ack(request), data=data)]
 
     def _open(self, peer: _Peer, request: Packet) -> list[Packet]:
         """The session gets the number that the client proposes, as pymavlink expects, or a free one."""
@@ -177,7 +177,7 @@ class FileServer:
 
     def _read(self, peer: _Peer, request: Packet) -> list[Packet]:
         data = self._session(peer, request).read(request.offset, request.size)
-        return [replace(_ack(request), data=data, offset=request.offset)]
+        return [replace(_ack(request), data=data)]
 
     def _burst(self, peer: _Peer, request: Packet) -> list[Packet]:
         """A few packets at once; the client asks on from where they end."""
@@ -212,7 +212,8 @@ class FileServer:
 
 
 def _ack(request: Packet) -> Packet:
-    return Packet((request.sequence + 1) & 0xFFFF, request.session, Opcode.ACK, request_opcode=request.opcode)
+    sequence = (request.sequence + 1) & 0xFFFF
+    return Packet(sequence, request.session, Opcode.ACK, request_opcode=request.opcode, offset=request.offset)
 
 
 def _nak(request: Packet, failure: Failure) -> Packet:

@@ -19,6 +19,7 @@ from rover_sim.mavlink.wire import RefusedItemError, WireItem, place_of
 
 REASK_S = 0.5
 STALLED_S = 8.0
+_MOST_DEGREES = 214.0  # that fit into 31 bits as 1e-7 degrees
 _FLOAT_DEGREES_M = 1.0  # how far a place in 32-bit degrees may be from the one that was meant
 _REMEMBERED = 16  # clients whose last result is kept for repeated items
 _ACCEPTED = int(mavlink.MAV_MISSION_ACCEPTED)
@@ -127,10 +128,12 @@ class MissionServer:
         self._take(client, message, WireItem.of(message))
 
     def _take_float(self, client: Client, message: Message) -> None:
-        """The older MISSION_ITEM, with degrees; refused as out of range if they are no numbers."""
-        if not (math.isfinite(message.x) and math.isfinite(message.y) and abs(message.x) + abs(message.y) < 400.0):
-            self.acknowledge(client, mavlink.MAV_MISSION_INVALID_PARAM5_X, message.mission_type)
-            return
+        """The older MISSION_ITEM, with degrees; refused where they are no numbers or do not fit into the newer one."""
+        codes = mavlink.MAV_MISSION_INVALID_PARAM5_X, mavlink.MAV_MISSION_INVALID_PARAM6_Y
+        for degrees, code in zip((message.x, message.y), codes, strict=True):
+            if not abs(degrees) < _MOST_DEGREES:
+                self._refuse_item(client, message, code)
+                return
         message.x, message.y = round(message.x * DEGREES_E7), round(message.y * DEGREES_E7)
         self._take(client, message, WireItem.of(message))
 
@@ -150,6 +153,14 @@ class MissionServer:
             self._add(upload, item)
         elif message.seq > len(upload.items):
             self._ask(upload)  # one before it was lost; an error would end QGroundControl's upload
+
+    def _refuse_item(self, client: Client, message: Message, code: int) -> None:
+        """An error ends the client's transfer if the item was the one that it waits for."""
+        upload = self._uploads.get(message.mission_type)
+        if upload is not None and upload.client == client and message.seq == len(upload.items):
+            self._end(upload, code)
+        else:
+            self.acknowledge(client, code, message.mission_type)
 
     def _add(self, upload: _Upload, item: WireItem) -> None:
         try:
