@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from itertools import product
 from typing import Literal
 
 import numpy as np
@@ -34,7 +35,8 @@ MOST_BACK_M = 5.0
 ROOM_TO_TURN_RAD = float(np.deg2rad(70.0))
 LEAST_LOOK_RAD = float(np.deg2rad(20.0))
 LEAST_BACK_M = 0.25
-NUDGE_M = 0.5
+NUDGES_M = (0.5, 0.25)  # the longer one if there is room
+IN_VAIN_M = 0.1  # as near to the last place of trouble, backing out did nothing
 MOST_TURN_RAD = float(np.deg2rad(35.0))  # with which backing out of trouble may begin
 FARTHER_M = 1.5  # beyond what was asked, to where there is room to turn
 LATEST_S, LATEST_S_M = 15.0, 8.0  # for a manoeuvre, and more for each metre
@@ -66,13 +68,14 @@ class Ladder:
     place_w: tuple[float, float] | None = None  # of the first rung
     heading_rad: float = 0.0  # then
     back_first: bool = False  # trouble was met: back out before anything else
+    tried_w: tuple[float, float] | None = None  # where it last did so
     bold: bool = False  # the second time round: turns may sweep ground that was never seen
 
     def after_move(self, place_w: FloatArray, progress_m: float) -> Ladder:
         """The ladder from its foot once the rover has got away from where it was stuck."""
         if self.place_w is None or float(np.hypot(*(place_w - self.place_w))) < progress_m:
             return self
-        return Ladder(back_first=self.back_first)
+        return Ladder(back_first=self.back_first, tried_w=self.tried_w)
 
 
 def next_manoeuvre(
@@ -91,9 +94,10 @@ def next_manoeuvre(
     if ladder.place_w is None:
         ladder = replace(ladder, place_w=place.position_w, heading_rad=place.heading_rad)
     if ladder.back_first:
-        ladder = replace(ladder, back_first=False)
+        tried, ladder = ladder.tried_w, replace(ladder, back_first=False, tried_w=place.position_w)
+        in_vain = tried is not None and float(np.hypot(*np.subtract(tried, place.position_w))) < IN_VAIN_M
         away = _back(0.8, "back out of trouble", memory.cells, table_w, track, place, footprint, time_s)
-        if away is None or abs(_turn_to_back(away, place)) > MOST_TURN_RAD:
+        if in_vain or away is None or abs(_turn_to_back(away, place)) > MOST_TURN_RAD:
             away = _nudge(table_w, place, footprint, time_s) or away
         if away is not None:
             return away, ladder
@@ -154,12 +158,14 @@ def _nudge(table_w: FloatArray, place: Place, footprint: Footprint, time_s: floa
     """A short straight move to the rear or ahead, out of the pits that wheels dig while they turn in vain."""
     position = np.asarray(place.position_w)
     ahead = np.array([np.cos(place.heading_rad), np.sin(place.heading_rad)])
-    free = let_leave(near(table_w, position, 2.0), position, footprint.width_m / 2 + GAP_M)
-    kinds: tuple[Literal["back_up", "drive"], ...] = ("back_up", "drive")
-    for kind, sign in zip(kinds, (-1.0, 1.0), strict=True):
-        end = position + sign * NUDGE_M * ahead
-        tip = end + sign * footprint.length_m / 2 * ahead
-        if segment_clearance(free, np.stack([position, tip])).min() >= footprint.width_m / 2 + GAP_M:
+    need = footprint.width_m / 2 + GAP_M
+    reach = footprint.length_m / 2 - float(np.sqrt(need**2 - (footprint.width_m / 2) ** 2))  # the corners touch its rim
+    free = let_leave(near(table_w, position, 2.0), position, need)
+    kinds: tuple[tuple[Literal["back_up", "drive"], float], ...] = (("back_up", -1.0), ("drive", 1.0))
+    for distance, (kind, sign) in product(NUDGES_M, kinds):
+        end = position + sign * distance * ahead
+        tip = end + sign * reach * ahead
+        if segment_clearance(free, np.stack([position, tip])).min() >= need:
             return Manoeuvre(kind, "straight out of a turn", place.position_w, time_s, way_w=np.stack([position, end]))
     return None
 

@@ -63,6 +63,33 @@ def test_backing_follows_a_bend_that_was_driven() -> None:
     assert decision.waypoints_w[-1, 1] < 0.1
 
 
+@pytest.mark.parametrize(("rocks_m", "moved_m"), [(1.6, 0.5), (1.2, 0.25)])
+def test_out_of_a_turn_in_vain_the_rover_goes_straight_as_far_as_there_is_room(rocks_m: float, moved_m: float) -> None:
+    state = navigator.begin((10.0, 0.0), 0.5, FOOTPRINT, (0.0, 0.0))
+    world = DiscWorld.of([(2.0, rocks_m, 0.2), (2.0, -rocks_m, 0.2)])
+    for n in range(21):
+        pose = (0.1 * n, 0.0, 0.0)
+        state, _ = navigator.step(state, look(world, np.array(pose), n, None), pose_at(*pose), float(n))
+    turned = pose_at(2.0, 0.0, np.pi / 2)  # across the way in, between two rocks
+    state = navigator.note_trouble(state, turned)
+    _, decision = navigator.step(state, None, turned, 40.0)
+    assert decision.kind == "back_up"
+    np.testing.assert_allclose(decision.waypoints_w[-1], [2.0, -moved_m], atol=1e-9)
+
+
+def test_backing_out_that_did_nothing_is_not_tried_again() -> None:
+    state = navigator.begin((10.0, 0.0), 0.5, FOOTPRINT, (0.0, 0.0))
+    for n in range(21):
+        pose = (0.1 * n, 0.0, 0.0)
+        state, _ = navigator.step(state, look(DiscWorld.of([]), np.array(pose), n, None), pose_at(*pose), float(n))
+    turned = pose_at(2.0, 0.0, 0.5)
+    state, first = navigator.step(navigator.note_trouble(state, turned), None, turned, 40.0)
+    state, second = navigator.step(navigator.note_trouble(state, turned), None, turned, 42.0)
+    assert (first.kind, second.kind) == ("back_up", "back_up")
+    np.testing.assert_allclose(first.waypoints_w[-1, 1], 0.0, atol=0.05)  # along the way in
+    np.testing.assert_allclose(second.waypoints_w[-1], [2.0 - 0.5 * np.cos(0.5), -0.5 * np.sin(0.5)], atol=1e-9)
+
+
 def test_only_the_last_places_of_trouble_are_avoided_and_none_for_a_manoeuvre() -> None:
     state = navigator.begin((10.0, 0.0), 0.5, FOOTPRINT, (0.0, 0.0))
     for x in range(6):
