@@ -22,6 +22,7 @@ from worlds.types import FloatArray, Footprint, Observation, PoseEstimate, Range
 
 LEAST_WAY_M = 0.3  # a shorter way ends where the rover stands, as path following sees it
 TURN_ON_SPOT_RAD = float(np.deg2rad(55.0))  # path following does such turns on the spot
+TURNING_RAD = float(np.deg2rad(35.0))  # off its way, the rover is turning onto it
 AROUND_M = 3.5  # of what the scanner saw, for manoeuvres
 STANDING_M = 0.4  # of ground around the rover that is known for it stands there
 MOST_AVOIDED = 3  # places of trouble
@@ -200,15 +201,23 @@ def _as_quick(state: NavigatorState, found: Corridor, rest: FloatArray, fresh: C
 def note_trouble(state: NavigatorState, estimate: PoseEstimate, radius_m: float = 0.35) -> NavigatorState:
     """The state after the rover met what it had not seen (stuck, slipping): it backs out.
 
-    If it was driving, the place ahead is avoided from now on; only the last few such places are, as each may have been
-    soft ground or a bend, and together they would wall the rover in.
+    If it was driving, and not turning onto its way, the place ahead is avoided from now on; only the last few such
+    places are, as each may have been soft ground or a bend, and together they would wall the rover in.
     """
     avoid = state.avoid_w
-    if state.manoeuvre is None:
+    if state.manoeuvre is None and not _turning(state, estimate):
         forward = rotation_from_quaternion(estimate.pose.quaternion_w)[:2, 0]
         ahead = estimate.pose.position_w[:2] + (state.models.footprint.length_m / 2 + radius_m) * forward
         avoid = np.vstack([avoid, [*ahead, radius_m]])[-MOST_AVOIDED:]
     return replace(state, avoid_w=avoid, way=None, ladder=replace(state.ladder, back_first=True), manoeuvre=None)
+
+
+def _turning(state: NavigatorState, estimate: PoseEstimate) -> bool:
+    """Whether the rover points off its way so far that it turns on the spot."""
+    if state.way is None:
+        return False
+    rest = _rest(state.way.waypoints_w, estimate.pose.position_w[:2])
+    return abs(turn_onto(rest, _place(state, estimate))) > TURNING_RAD
 
 
 def _take_in(

@@ -90,6 +90,16 @@ def test_backing_out_that_did_nothing_is_not_tried_again() -> None:
     np.testing.assert_allclose(second.waypoints_w[-1], [2.0 - 0.5 * np.cos(0.5), -0.5 * np.sin(0.5)], atol=1e-9)
 
 
+def test_a_turn_in_vain_makes_no_place_of_trouble_ahead() -> None:
+    state = navigator.begin((0.0, 10.0), 0.5, FOOTPRINT, (0.0, 0.0))  # to the left: it begins with a turn
+    here = pose_at(0.0, 0.0, 0.0)
+    state, decision = navigator.step(state, look(DiscWorld.of([]), np.zeros(3), 0.0, None), here, 0.0)
+    assert decision.kind == "drive"
+    assert not len(navigator.note_trouble(state, here).avoid_w)
+    for y in (0.0, 2.0):
+        assert len(navigator.note_trouble(state, pose_at(0.0, y, np.pi / 2)).avoid_w) == 1
+
+
 def test_only_the_last_places_of_trouble_are_avoided_and_none_for_a_manoeuvre() -> None:
     state = navigator.begin((10.0, 0.0), 0.5, FOOTPRINT, (0.0, 0.0))
     for x in range(6):
