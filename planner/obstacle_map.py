@@ -14,7 +14,7 @@ import numpy as np
 from planner.map_kernels import Layer, bring_in, least_clearance, rasterise
 from planner.memory_kernels import touching
 from planner.terrain_map import RockMemory
-from worlds.types import FloatArray, Footprint
+from worlds.types import BoolArray, FloatArray, Footprint
 
 MAX_CLEARANCE_M = 1.2  # farther rocks do not matter to a cell
 NO_OBSTACLES = np.zeros((0, 7))
@@ -30,12 +30,19 @@ class DriveModel:
     margin_m: float = 0.11  # beyond half the width; covers path following and the corners in a curve
     squeeze_margin_m: float = 0.05  # when nothing else leads on
     comfort_m: float = 0.35  # beyond the margin, nearness still costs
-    height_sds: float = 0.5  # of a rock's height error added before it is held against the climb height
+    belly_share: float = 1.15  # of the climb height: the belly meets higher rocks
+    flank_share: float = 1.25  # and wheels may pass over the flank of lower ones
+    height_error: float = 1.5  # over the stated one: rocks that are steeper than most fool every view alike
+    most_doubt: float = 0.2  # a rock that the belly would meet with a higher probability is hard
+    doubt_weight: float = 30.0  # in the hilly field of a low rock that the belly would surely meet
     sure_certainty: float = 0.35  # rocks less likely than this only cost
     touching: float = 1.1  # two rocks nearer than the sum of their radii times this are pieces of one
     sd_share: float = 0.5  # of a rock's position error added to its berth
     most_sd_m: float = 0.10  # at most: a gap that looks closed from afar may open near by
     sure_sd_m: float = 0.30  # a rock whose place is less certain only costs: a nearer look will place it
+    sure_far_sd_m: float = 0.15  # the same farther off than ...
+    far_m: float = 1.5  # ... this, as the camera will see it again before it is reached
+    unsure_weight: float = 4.0  # times the weight of a hard rock, for a high one that only costs
 
     def need_m(self, footprint: Footprint, *, squeeze: bool = False) -> float:
         """Distance that the rover's centre line keeps from the edge of a hard rock."""
@@ -76,27 +83,59 @@ class ObstacleGrid:
     hill: Layer  # (nx, ny) convolved weights
 
 
-def obstacles(rocks: RockMemory, model: DriveModel, climb_height_m: float) -> FloatArray:
+def obstacles(
+    rocks: RockMemory,
+    model: DriveModel,
+    climb_height_m: float,
+    *,
+    wheel_width_m: float = 0.0,
+    place_w: FloatArray | None = None,
+) -> FloatArray:
     """Obstacles (N, 7) in the world: ax, ay, bx, by of the axis segment, its berth radius, weight, 1 if hard.
 
-    Rocks that are lower than ``climb_height_m``, some error of their height allowed for, may be driven over.
+    Rocks that the belly would hardly meet may be driven over and cost by that probability. ``place_w`` (2,) is where
+    the rover stands: rocks that are far from it must be placed better to be hard; None: none counts as far.
     """
     if len(rocks) == 0:
         return NO_OBSTACLES
     half = 0.5 * np.maximum(rocks.length_m - rocks.width_m, 0.0)
     axis = half[:, None] * np.stack([np.cos(rocks.yaw_rad), np.sin(rocks.yaw_rad)], axis=1)
-    certainty = rocks.certainty
-    height = rocks.height_m + model.height_sds * rocks.height_sd_m
-    hard = (height > climb_height_m) & (certainty > model.sure_certainty)
-    hard &= rocks.worst_sd_m < model.sure_sd_m
-    radius = 0.5 * rocks.width_m + np.where(hard, np.minimum(model.sd_share * rocks.sd_m, model.most_sd_m), 0.0)
-    # Low rocks weigh with the square of their height: the knock of a wheel that climbs them.
-    low = 0.4 * np.minimum(height / climb_height_m, 1.0) ** 2
-    high = np.clip(height / 0.25, 0.4, 1.0)
-    weight = certainty * np.where(height > climb_height_m, high, low)
+    doubt = belly_meets(rocks, model, climb_height_m)
+    high, sure = doubt > model.most_doubt, _sure(rocks, model, place_w)
+    hard = high & sure
+    low = 0.4 * np.minimum(rocks.height_m / climb_height_m, 1.0) ** 2 + model.doubt_weight * doubt
+    tall = np.clip(rocks.height_m / 0.25, 0.4, 1.0)
+    weight = rocks.certainty * np.where(hard, tall, np.where(high, model.unsure_weight * tall, low))
+    radius = 0.5 * rocks.width_m + np.where(hard, _berth(rocks, model, climb_height_m, wheel_width_m), 0.0)
     table = np.column_stack([rocks.centre_w - axis, rocks.centre_w + axis, radius, weight, hard])
-    sure = (certainty > model.sure_certainty) & (rocks.worst_sd_m < model.sure_sd_m)
     return np.vstack([table, _joined(rocks.select(sure & ~hard), model, climb_height_m)])
+
+
+def belly_meets(rocks: RockMemory, model: DriveModel, climb_height_m: float) -> FloatArray:
+    """Probability (N,) that each rock is so high that the belly meets it; logistic, within .01 of the normal law."""
+    above = model.belly_share * climb_height_m - rocks.height_m
+    sds = above / np.maximum(model.height_error * rocks.height_sd_m, 1e-3)
+    probability: FloatArray = 1.0 / (1.0 + np.exp(np.clip(1.702 * sds, -40.0, 40.0)))
+    return probability
+
+
+def _sure(rocks: RockMemory, model: DriveModel, place_w: FloatArray | None) -> BoolArray:
+    """Which rocks (N,) are certain, and placed well enough for where the rover stands."""
+    most_sd: FloatArray | float = model.sure_sd_m
+    if place_w is not None:
+        far = np.hypot(*(rocks.centre_w - place_w).T) > model.far_m
+        most_sd = np.where(far, model.sure_far_sd_m, model.sure_sd_m)
+    sure: BoolArray = (rocks.certainty > model.sure_certainty) & (rocks.worst_sd_m < most_sd)
+    return sure
+
+
+def _berth(rocks: RockMemory, model: DriveModel, climb_height_m: float, wheel_width_m: float) -> FloatArray:
+    """What is added to the radius (N,) of hard rocks: some of the error of their place, less a wheel for low ones.
+
+    Low ones must stay outside of the belly, but a wheel can take their flank.
+    """
+    flat = rocks.height_m + 0.5 * rocks.height_sd_m < model.flank_share * climb_height_m
+    return np.minimum(model.sd_share * rocks.sd_m, model.most_sd_m) - np.where(flat, wheel_width_m, 0.0)
 
 
 def _joined(low: RockMemory, model: DriveModel, climb_height_m: float) -> FloatArray:

@@ -201,6 +201,9 @@ def _fuse(rocks: RockMemory, views: RockMemory, match: Index, model: MemoryModel
     new_information = (1.0 - old_share) * np.linalg.inv(new.covariance)
     covariance = np.linalg.inv(old_information + new_information)
     gain = covariance @ new_information
+    # A farther view does not make a place less sure that was seen from near.
+    grown = np.trace(covariance, axis1=1, axis2=2) > old_trace
+    covariance = np.where(grown[:, None, None], old.covariance, covariance)
     # Far views mix up neighbours with a certainty of their own: near ones must be able to undo many of them.
     share = new.weight / (old.weight + new.weight)
     centre = old.centre_w + np.einsum("nij,nj->ni", gain, new.centre_w - old.centre_w)

@@ -100,7 +100,7 @@ def _memory(axis: Any, moment: Moment) -> None:
 def _field(axis: Any, moment: Moment) -> None:
     """What is still to go from everywhere."""
     plan = moment.plan
-    table = obstacles(plan.memory.rocks, plan.models.drive, plan.models.footprint.climb_height_m)
+    table = _table(moment)
     need = plan.models.drive.need_m(plan.models.footprint)
     goal = np.asarray(plan.goal_w)
     field = goal_field(table, plan.memory.cells, moment.place_w, goal, plan.goal_radius_m, need, plan.models.drive)
@@ -130,9 +130,22 @@ def _ways(axis: Any, moment: Moment) -> None:
     _frame(axis, moment, "4  the ways through different gaps,\nand the one that is driven")
 
 
+def _table(moment: Moment) -> FloatArray:
+    """The obstacles as the planner has them."""
+    models = moment.plan.models
+    body = models.footprint
+    wheel_m = body.width_m - body.track_m
+    return obstacles(
+        moment.plan.memory.rocks,
+        models.drive,
+        body.climb_height_m,
+        wheel_width_m=wheel_m,
+        place_w=moment.place_w,
+    )
+
+
 def _rocks(axis: Any, moment: Moment) -> None:
-    plan = moment.plan
-    table = obstacles(plan.memory.rocks, plan.models.drive, plan.models.footprint.climb_height_m)
+    table = _table(moment)
     for ax, ay, bx, by, radius, _, hard in table:
         places = np.linspace((ax, ay), (bx, by), 5)
         for px, py in places:

@@ -144,6 +144,48 @@ def test_a_height_is_held_against_the_climb_height_with_some_of_its_error() -> N
     assert table_of(structs.replace(sure, height_m=0.11))[0, 6]
 
 
+def test_a_rock_costs_by_the_probability_that_the_belly_meets_it() -> None:
+    sure = structs.replace(rock_at((2.0, 0.0, 0.0), 0.2, 0.06), height_sd_m=0.005)
+    vague, higher = structs.replace(sure, height_sd_m=0.02), structs.replace(sure, height_m=0.09, height_sd_m=0.013)
+    weights = [table_of(rock)[0, 5] for rock in (sure, vague, higher)]
+    assert weights[0] < weights[1] < weights[2]
+
+
+def test_a_wheel_may_take_the_flank_of_a_low_rock_only() -> None:
+    def radius(height_m: float, wheel_m: float) -> float:
+        rock = structs.replace(rock_at((2.0, 0.0, 0.0), 0.3, height_m), height_sd_m=0.005)
+        seen = Observation(0.0, (rock,), np.empty((0, 0), dtype=np.str_), np.zeros((0, 0, 2)), np.zeros((0, 2)))
+        rocks = remember(empty_memory(np.zeros(2)), seen, np.zeros(2)).rocks
+        table = obstacles(rocks, DriveModel(), CLIMB_M, wheel_width_m=wheel_m)
+        assert table[0, 6]
+        return float(table[0, 4])
+
+    assert radius(0.115, 0.1) == pytest.approx(radius(0.115, 0.0) - 0.1)
+    assert radius(0.2, 0.1) == radius(0.2, 0.0)
+
+
+def test_a_far_rock_must_be_placed_better_to_be_hard() -> None:
+    rock = structs.replace(rock_at((4.0, 0.0, 0.0), 0.4, 0.2, range_m=4.0), position_sd_m=0.2)
+    seen = Observation(0.0, (rock,), np.empty((0, 0), dtype=np.str_), np.zeros((0, 0, 2)), np.zeros((0, 2)))
+    rocks = remember(empty_memory(np.zeros(2)), seen, np.zeros(2)).rocks
+    from_afar, from_near = (
+        obstacles(rocks, DriveModel(), CLIMB_M, place_w=np.array(place)) for place in ([0.0, 0.0], [3.0, 0.0])
+    )
+    assert not from_afar[0, 6]
+    assert from_near[0, 6]
+
+
+def test_a_far_view_leaves_a_place_as_sure_as_a_near_one_made_it() -> None:
+    near = structs.replace(rock_at((6.0, 0.0, 0.0), 0.3, 0.2, range_m=1.5), position_sd_m=0.04)
+    far = structs.replace(rock_at((6.0, 0.0, 0.0), 0.3, 0.2, range_m=5.0), position_sd_m=0.3)
+    memory, none = empty_memory(np.zeros(2)), np.empty((0, 0), dtype=np.str_)
+    for n, (rock, x) in enumerate(((near, 4.5), (far, 1.0), (far, 1.0))):
+        seen = Observation(float(n), (rock,), none, np.zeros((0, 0, 2)), np.zeros((0, 2)))
+        memory = remember(memory, seen, np.array([x, 0.0]))
+    assert len(memory.rocks) == 1
+    assert memory.rocks.worst_sd_m[0] <= 0.04 + 1e-9
+
+
 def test_touching_pieces_count_as_the_rock_that_they_make() -> None:
     piece, other = rock_at((2.0, 0.0, 0.0), 0.16, 0.06), rock_at((2.0, 0.17, 0.0), 0.16, 0.06)
     joined = table_of(piece, other)

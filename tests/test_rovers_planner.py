@@ -48,7 +48,7 @@ def test_a_rock_is_hard_for_the_rover_that_cannot_climb_it() -> None:
     memory = empty_memory(np.zeros(2))
     for tick in range(3):
         memory = remember(memory, look(world, np.zeros(3), 0.5 * tick, None), np.zeros(2))
-    low, high = (obstacles(memory.rocks, DriveModel(), climb) for climb in (0.08, 0.15))
+    low, high = (obstacles(memory.rocks, DriveModel(), climb) for climb in (0.08, 0.20))
     assert low[:, 6].tolist() == [1.0]
     assert high[:, 6].tolist() == [0.0]
     assert low[0, 5] > high[0, 5] > 0.0
