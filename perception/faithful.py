@@ -16,7 +16,7 @@ import numpy as np
 from perception.binarize import SingleArray, clean, close_edges, window_thresholds
 from perception.blobs import find_blobs, select
 from perception.knowledge_base import Binarization, Knowledge
-from perception.pipeline import hidden_mask, smoothed, working_picture
+from perception.pipeline import grey_levels, hidden_mask, smoothed, working_picture
 from perception.rock_classifier import blob_features, rock_certainty
 from worlds.fuzzy import RuleBase, rule_base
 from worlds.strict_toml import read_table
@@ -32,7 +32,8 @@ def paper_rocks(image: ByteArray, know: Knowledge) -> IntArray:
     """Rock ids (240, 320), 0 = none, of a picture of any size; only the sky comes from ``know``."""
     picture = working_picture(image)
     grey = picture if picture.ndim == 2 else np.asarray(cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY), dtype=np.uint8)
-    lab, soft = smoothed(picture, HOW.blur_px)
+    lab, colour = smoothed(picture, HOW.blur_px)
+    soft = grey_levels(colour)
     hidden = hidden_mask(grey, lab, None, know)
     level = soft.astype(np.float32) * np.float32(1.0 / 255.0)
     dark = (level < grey_thresholds(level)) & ~hidden

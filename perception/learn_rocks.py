@@ -22,7 +22,7 @@ from perception.binarize import Binarized, evidence_score, rock_mask
 from perception.cues import SingleArray, colour_likeness, cue_planes
 from perception.evidence import Planes
 from perception.knowledge_base import Cue, CueSet, Knowledge, RockCues, SoilKnowledge, cue_lines
-from perception.pipeline import classify_blobs, hidden_mask, smoothed
+from perception.pipeline import classify_blobs, grey_levels, hidden_mask, smoothed
 from perception.rock_score import RockCounts, count_rocks
 from perception.soil_reference import SoilReference, even_light, soil_reference
 from worlds.strict_toml import dump_toml
@@ -169,7 +169,7 @@ def cues_toml(table: str, cues: CueSet) -> str:
 def _smooth(example: Example, know: Knowledge) -> _Smoothed:
     grey = to_grey(example.picture)
     lab, soft = smoothed(example.picture, know.binarization.blur_px)
-    return _Smoothed(lab, grey, soft, hidden_mask(grey, lab, None, know), example.rock)
+    return _Smoothed(lab, grey, grey_levels(soft), hidden_mask(grey, lab, None, know), example.rock)
 
 
 def _prepare(one: _Smoothed, know: Knowledge) -> _Prepared:

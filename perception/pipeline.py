@@ -83,11 +83,16 @@ class Prepared:
 
     picture: ByteArray  # grey, or RGB (H, W, 3)
     grey: ByteArray
-    soft_grey: ByteArray  # low-passed
+    soft: SingleArray  # low-passed, RGB (H, W, 3) in 0..1
     lab: SingleArray  # (H, W, 3) of the low-passed picture
     hidden: BoolArray
     soil: SoilReference
     even: SingleArray  # (H, W, 3): lab with even light
+
+    @cached_property
+    def soft_grey(self) -> ByteArray:
+        """The low-passed picture (H, W) in grey levels, for what asks for it."""
+        return grey_levels(self.soft)
 
     @cached_property
     def red(self) -> SingleArray:
@@ -133,13 +138,13 @@ def prepare(
     picture: ByteArray, know: Knowledge, view: View | None = None, covered: BoolArray | None = None
 ) -> Prepared:
     """A working picture, grey (240, 320) or RGB (240, 320, 3), ready for the search; arguments as of `examine`."""
-    lab, soft_grey = smoothed(picture, know.binarization.blur_px)
+    lab, soft = smoothed(picture, know.binarization.blur_px)
     grey = picture if picture.ndim == 2 else np.asarray(cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY), dtype=np.uint8)
     hidden = hidden_mask(grey, lab, view, know)
     if covered is not None:
         hidden = hidden | (working_picture(covered.astype(np.uint8)) > 0)
     soil = soil_reference(lab, hidden, know.soil)
-    return Prepared(picture, grey, soft_grey, lab, hidden, soil, even_light(lab, soil))
+    return Prepared(picture, grey, soft, lab, hidden, soil, even_light(lab, soil))
 
 
 def rock_pixels(ready: Prepared, know: Knowledge) -> tuple[SingleArray, SingleArray | None, Binarized]:
@@ -226,13 +231,17 @@ def working_picture(image: ByteArray) -> ByteArray:
     return np.asarray(cv2.resize(image, WORKING_SIZE_PX, interpolation=how), dtype=np.uint8)
 
 
-def smoothed(picture: ByteArray, blur_px: float) -> tuple[SingleArray, ByteArray]:
-    """CIE Lab (H, W, 3) and 8-bit grey (H, W) of the low-passed picture."""
+def smoothed(picture: ByteArray, blur_px: float) -> tuple[SingleArray, SingleArray]:
+    """CIE Lab (H, W, 3) and RGB (H, W, 3) in 0..1 of the low-passed picture."""
     colour = picture if picture.ndim == 3 else cv2.cvtColor(picture, cv2.COLOR_GRAY2RGB)
     single = cv2.GaussianBlur(colour.astype(np.float32) * np.float32(1.0 / 255.0), (0, 0), blur_px)
-    grey = cv2.cvtColor(single, cv2.COLOR_RGB2GRAY) * np.float32(255.0)
     lab = cv2.cvtColor(single, cv2.COLOR_RGB2LAB)
-    return np.asarray(lab, dtype=np.float32), np.asarray(grey, dtype=np.uint8)
+    return np.asarray(lab, dtype=np.float32), np.asarray(single, dtype=np.float32)
+
+
+def grey_levels(colour: SingleArray) -> ByteArray:
+    """8-bit grey (H, W) of a picture, RGB (H, W, 3) in 0..1."""
+    return np.asarray(cv2.cvtColor(colour, cv2.COLOR_RGB2GRAY) * np.float32(255.0), dtype=np.uint8)
 
 
 def hidden_mask(grey: ByteArray, lab: SingleArray, view: View | None, know: Knowledge) -> BoolArray:

@@ -124,9 +124,9 @@ def _normal_equations(terms: FloatArray, values: FloatArray, kept: BoolArray) ->
         if kept[i]:
             for a in range(6):
                 product[a] += terms[i, a] * values[i]
-                for b in range(6):
+                for b in range(a + 1):
                     square[a, b] += terms[i, a] * terms[i, b]
-    return square, product
+    return square + np.tril(square, -1).T, product
 
 
 @numba.njit(cache=True)
