@@ -33,7 +33,7 @@ class DriveModel:
     belly_share: float = 1.15  # of the climb height: the belly meets higher rocks
     flank_share: float = 1.25  # and wheels may pass over the flank of lower ones
     height_error: float = 1.5  # over the stated one: rocks that are steeper than most fool every view alike
-    most_doubt: float = 0.2  # a rock that the belly would meet with a higher probability is hard
+    most_doubt: float = 0.135  # a rock that the belly would meet with a higher probability is hard
     doubt_weight: float = 30.0  # in the hilly field of a low rock that the belly would surely meet
     sure_certainty: float = 0.35  # rocks less likely than this only cost
     touching: float = 1.1  # two rocks nearer than the sum of their radii times this are pieces of one
