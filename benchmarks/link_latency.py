@@ -35,6 +35,8 @@ from worlds.scenario import load_scenario
 
 START_S = 90.0  # until a loaded machine has built the world
 CHANGES, ASKED, LISTEN_S = 60, 600, 40.0
+DRIVE_M = 25.0
+DEGREES_E7_A_METRE = 115.0  # of longitude, about, at the demo's latitude
 _MODES = (Mode.MANUAL, Mode.HOLD)
 
 
@@ -186,15 +188,14 @@ def jitter_ms(station: Station) -> dict[str, list[float]]:
     return gaps
 
 
-def drive_away(persona: Persona, station: Station) -> None:
-    """Armed and on the way to a place far off."""
+def drive(persona: Persona, station: Station, east_m: float) -> None:
+    """Armed and on the way to a place."""
     qgc = Qgc(persona, station.socket.sendall)
     station.send(_command(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1))
     place = next(one for _, one in station.listen(5.0) if one.get_type() == "GLOBAL_POSITION_INT")
-    script = qgc.go_to(place.lat, place.lon + 5000, first=False)  # 44 m east
-    next(script)
-    moving = station.wait(lambda one: one.get_type() == "VFR_HUD" and one.groundspeed > 0.1, 15.0)
-    print(f"  driving: {moving is not None}")
+    next(qgc.go_to(place.lat, place.lon + round(east_m * DEGREES_E7_A_METRE), first=False))
+    if station.wait(lambda one: one.get_type() == "VFR_HUD" and one.groundspeed > 0.1, 15.0) is None:
+        raise SystemExit("the rover does not drive")
 
 
 def cost_share(persona: Persona, seconds: float = 60.0) -> tuple[float, float]:
@@ -258,9 +259,10 @@ def main() -> None:
             ready_s, qgc = connect_s(persona, first)
             print(f"  QGroundControl ready after {ready_s:.2f} s, retries {qgc.retries}, complaints {qgc.complaints}")
             print(f"  heartbeat after a change  {_figures(changes_ms(persona, first))}")
-            drive_away(persona, first)
+            drive(persona, first, DRIVE_M)
             print(f"  acknowledgement           {_figures(acks_ms(first))}")
             print(f"  a process that echoes     {_figures(echoes_ms())}")
+            drive(persona, first, -DRIVE_M)
             for stream, gaps in jitter_ms(second).items():
                 print(f"  jitter {stream:<19}{_figures(gaps)}")
         link, whole = cost_share(persona)
