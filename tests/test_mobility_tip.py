@@ -14,7 +14,8 @@ from worlds.geometry import quaternion_from_euler, rotation_from_quaternion
 from worlds.types import FloatArray
 
 ROVER = load_rover("husky")
-FEET = np.array(ROVER.wheel.positions_m)[list(truth._outline(ROVER))] - [0.0, 0.0, ROVER.wheel.radius_m]
+BALANCE = truth.balance_of(ROVER, 3.71)
+FEET = np.array(ROVER.wheel.positions_m)[BALANCE.outline] - [0.0, 0.0, ROVER.wheel.radius_m]
 CENTRE = np.array(ROVER.centre_of_mass_b)
 DOWN = np.array([0.0, 0.0, -1.0])
 SIDES = 0.5 * (FEET + np.roll(FEET, -1, axis=0))  # middles of the axes
@@ -51,7 +52,7 @@ def test_the_rate_is_positive_toward_the_side_that_goes_down(axis: int, rate: tu
 
 def test_the_inertia_counts_the_wheels() -> None:
     """Roll: chassis 0.602, wheels as points 4 x 2.637 x 0.2854^2 = 0.859, their own 0.083, the offsets 0.007."""
-    inertia = truth._inertia(ROVER)
+    inertia = BALANCE.inertia_kg_m2
     assert inertia[0, 0] == pytest.approx(0.6022 + 4 * 2.637 * 0.2854**2 + 0.0906, abs=1e-3)
     assert np.allclose(inertia, inertia.T)
     assert inertia[0, 1] == pytest.approx(0.0, abs=1e-12)

@@ -65,32 +65,27 @@ def _shown_kernel(
     strength: SingleArray,
 ) -> tuple[Places, Places]:
     pixels, keys = np.empty(ids.size, dtype=np.int64), np.empty(ids.size, dtype=np.int64)
-    found, columns = 0, ids.shape[1]
+    found, columns, fine, broad = 0, ids.shape[1], GROUND_SIZE_PX - 1, DRIFT_SIZE_PX - 1
+    per_m = DRIFT_SIZE_PX / DRIFT_TILE_M
     for row in range(ids.shape[0]):
         for column in range(columns):
             if ids[row, column] != GROUND_ID:
                 continue
             u, v, depth = (column + 0.5 - lens[0]) / lens[2], (row + 0.5 - lens[1]) / lens[2], depth_m[row, column]
             dx, dy = r[0, 0] * u + r[0, 1] * v + r[0, 2], r[1, 0] * u + r[1, 1] * v + r[1, 2]
-            dz = r[2, 0] * u + r[2, 1] * v + r[2, 2]
             x, y = eye_w[0] + depth * dx, eye_w[1] + depth * dy
             tx, ty = int(np.floor(x * _TEXELS_PER_M)), int(np.floor(y * _TEXELS_PER_M))
-            pebble = owner[ty % GROUND_SIZE_PX, tx % GROUND_SIZE_PX]
-            if pebble < 0 or _strength(x, y, strength) < LEAST_STRENGTH:
+            pebble = owner[ty & fine, tx & fine]
+            if pebble < 0:
                 continue
+            # How much of the fine texture shows there; the drift texture lies turned, as in the shading.
+            i, j = int(np.floor((0.6 * x + 0.8 * y) * per_m)), int(np.floor((0.8 * x - 0.6 * y) * per_m))
+            dz = r[2, 0] * u + r[2, 1] * v + r[2, 2]
             cosine = max(abs(dz) / np.sqrt(dx * dx + dy * dy + dz * dz), _STEEPEST)
-            if area_m2[pebble] >= LEAST_PX * (depth / lens[2]) ** 2 / cosine:
+            large = area_m2[pebble] >= LEAST_PX * (depth / lens[2]) ** 2 / cosine
+            if large and strength[(i & broad) * DRIFT_SIZE_PX + (j & broad)] >= LEAST_STRENGTH:
                 pixels[found] = row * columns + column
                 tile = (tx // GROUND_SIZE_PX + _TILES) * 2 * _TILES + ty // GROUND_SIZE_PX + _TILES
                 keys[found] = tile * len(area_m2) + pebble
                 found += 1
     return pixels[:found], keys[:found]
-
-
-@njit(cache=True, nogil=True)
-def _strength(x: float, y: float, strength: SingleArray) -> float:
-    """How much of the fine texture shows at a place; the drift texture lies turned, as in the shading."""
-    per_m = DRIFT_SIZE_PX / DRIFT_TILE_M
-    column = int(np.floor((0.8 * x - 0.6 * y) * per_m)) % DRIFT_SIZE_PX
-    row = int(np.floor((0.6 * x + 0.8 * y) * per_m)) % DRIFT_SIZE_PX
-    return float(strength[row * DRIFT_SIZE_PX + column])

@@ -59,6 +59,7 @@ class Simulation:
         self._body = physics.add_rover(self._client, rover, pose)
         self._obstacles = ObstacleBodies(self._client, world.shapes)
         self._contacts = ContactReader(self._client, self._body, self._obstacles)
+        self._balance = truth.balance_of(rover, gravity)
         self._around = Surroundings(self._contacts.obstacles, rover)
         self._sensors = Sensors(world.scenario.sensors.gnss, gravity, rover, rng)
         self._wheel_targets = [0.0] * len(self._body.wheels)
@@ -242,6 +243,7 @@ class Simulation:
             dt=self.dt,
             gravity_m_s2=self.world.scenario.gravity_m_s2,
             rover=self.rover,
+            balance=self._balance,
             field=self.world.ground,
             surface=(self._ground.soil.ground, self._ground.soil.grid, self._ground.soil.rut_view),
             around=self._around,

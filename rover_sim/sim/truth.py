@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache
 from math import acos, hypot
 
 import numpy as np
@@ -22,6 +21,15 @@ _DOWN = np.array([0.0, 0.0, -1.0])
 
 
 @dataclass(frozen=True, eq=False)
+class Balance:
+    """What tip-over is judged by, of one rover; worked out once, as even looking it up by the rover takes a while."""
+
+    outline: list[int]  # wheels whose contacts span the polygon of support, clockwise from above
+    inertia_kg_m2: FloatArray  # (3, 3) about the centre of mass, body axes
+    level_measure: float  # the force-angle measure at rest on level ground
+
+
+@dataclass(frozen=True, eq=False)
 class Snapshot:
     """Raw values of one instant."""
 
@@ -29,6 +37,7 @@ class Snapshot:
     dt: float
     gravity_m_s2: float
     rover: RoverModel
+    balance: Balance
     field: HeightField
     surface: Surface
     around: Surroundings
@@ -56,7 +65,7 @@ def observe(now: Snapshot) -> VehicleState:
     (_, ahead_y, _), (ahead_x, _, _), _ = rotation.tolist()  # axle x up: level
     level = max(hypot(ahead_x, ahead_y), 1e-9)
     directions = np.full((len(hubs), 2), (ahead_x / level, -ahead_y / level))
-    feet = hubs[list(_outline(now.rover))] - now.rover.wheel.radius_m * rotation[:, 2]
+    feet = hubs[now.balance.outline] - now.rover.wheel.radius_m * rotation[:, 2]
     tip_angle, tip_rate = np.empty(len(feet)), np.empty(len(feet))
     tip_angles(feet, now.centre_w, _DOWN, rate, tip_angle, tip_rate)
     return VehicleState(
@@ -100,7 +109,10 @@ def _stability(now: Snapshot, rotation: FloatArray, feet: FloatArray) -> float:
     rover, steps = now.rover, max(len(now.motion) - 1, 1)
     (old_velocity, old_rate, _), (velocity, rate, _) = now.motion[0], now.motion[-1]
     span = steps * now.dt
-    pushes = [sum(axis) / steps for axis in zip(*(step[2] for step in now.motion), strict=True)]
+    pushes = [0.0, 0.0, 0.0]
+    for _, _, push in now.motion:
+        if any(push):
+            pushes = [total + share / steps for total, share in zip(pushes, push, strict=True)]
     fall = (0.0, 0.0, -now.gravity_m_s2)
     force = np.array(
         [
@@ -109,9 +121,9 @@ def _stability(now: Snapshot, rotation: FloatArray, feet: FloatArray) -> float:
         ]
     )
     turning = np.array([(new - old) / span for new, old in zip(rate, old_rate, strict=True)])
-    moment = -rotation @ (_inertia(rover) @ (turning @ rotation))
+    moment = -rotation @ (now.balance.inertia_kg_m2 @ (turning @ rotation))
     margin = force_angle(feet, now.centre_w, force, moment)
-    return margin / _level_measure(rover, now.gravity_m_s2)
+    return margin / now.balance.level_measure
 
 
 def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
@@ -120,13 +132,15 @@ def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
     return np.array([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx])
 
 
-@cache
-def _outline(rover: RoverModel) -> tuple[int, ...]:
-    """Wheels whose contacts span the polygon of support, clockwise from above."""
-    return outline(np.array(rover.wheel.positions_m)[:, :2])
+def balance_of(rover: RoverModel, gravity_m_s2: float) -> Balance:
+    """Polygon of support, inertia and measure at rest of a rover."""
+    around = list(outline(np.array(rover.wheel.positions_m)[:, :2]))
+    feet = np.array(rover.wheel.positions_m)[around] - [0.0, 0.0, rover.wheel.radius_m]
+    weight = np.array([0.0, 0.0, -rover.mass_kg * gravity_m_s2])
+    level = float(force_angle(feet, np.array(rover.centre_of_mass_b), weight, np.zeros(3)))
+    return Balance(around, _inertia(rover), level)
 
 
-@cache
 def _inertia(rover: RoverModel) -> FloatArray:
     """Moments of inertia (3, 3) of chassis, level arms and wheels about their common centre of mass, body axes."""
     wheel, centre = rover.wheel, np.array(rover.centre_of_mass_b)
@@ -144,11 +158,3 @@ def _inertia(rover: RoverModel) -> FloatArray:
 
 def _point_inertia(mass_kg: float, place: FloatArray) -> FloatArray:
     return np.asarray(mass_kg * (float(place @ place) * np.eye(3) - np.outer(place, place)))
-
-
-@cache
-def _level_measure(rover: RoverModel, gravity_m_s2: float) -> float:
-    """The force-angle measure at rest on level ground."""
-    weight = np.array([0.0, 0.0, -rover.mass_kg * gravity_m_s2])
-    feet = np.array(rover.wheel.positions_m)[list(_outline(rover))] - [0.0, 0.0, rover.wheel.radius_m]
-    return float(force_angle(feet, np.array(rover.centre_of_mass_b), weight, np.zeros(3)))
