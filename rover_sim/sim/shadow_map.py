@@ -37,6 +37,8 @@ class SunShadows:
         (west, east), (south, north) = ground.x_limits_m, ground.y_limits_m
         self._moves = max(east - west, north - south) > WINDOW_M
         self._centre: FloatArray | None = None
+        if not self._moves:
+            self.around(np.zeros(3))  # here rather than in the first picture, which a rover waits for
 
     def around(self, eye_w: FloatArray) -> ShadowMap:
         """The map for a camera there."""
@@ -89,7 +91,7 @@ class SunShadows:
         first, last = first_m - shift, last_m + shift
         texel = max(float((last - first).max()) / MAP_PX, FINEST_TEXEL_M)
         width, height = (int(n) for n in np.ceil((last - first) / texel))
-        width = width // 32 * 32 + 48
+        width = width // 32 * 32 + 48  # rows a power of two apart would share a few lines of the cache
         matrix = np.zeros((4, 4))
         matrix[0, [0, 2, 3]] = np.array([1.0, -shear[0], shear[0] * level - first[0]]) / texel
         matrix[1, [1, 2, 3]] = np.array([1.0, -shear[1], shear[1] * level - first[1]]) / texel
