@@ -29,6 +29,7 @@ import numpy as np
 from planner import localization, navigator
 from rover_sim import onboard, run_folder, traverse
 from rover_sim.autopilot.autopilot import Autopilot
+from rover_sim.driven_rover import TRACE_STEPS
 from rover_sim.mavlink.stack import MavlinkStack
 from rover_sim.scoring import ClassScore
 from rover_sim.sights import Sights
@@ -117,7 +118,7 @@ def physics_alone(scenario: Scenario, seed: int, trace: dict[str, FloatArray]) -
     with Simulation(world, rover, np.random.default_rng(seed)) as simulation:
         start = time.process_time()
         for command in commands:
-            for _ in range(traverse.TRACE_STEPS):
+            for _ in range(TRACE_STEPS):
                 simulation.step(command)
         return time.process_time() - start
 

@@ -9,10 +9,17 @@ from typing import Self
 
 import numpy as np
 
-from planner import localization
-from planner.localization import SensorModel
 from rover_sim.autopilot.parameter_file import load_parameters, save_parameters
 from rover_sim.autopilot.tuning import tuned_autopilot
+from rover_sim.driven_rover import (
+    CAMERA_STREAM,
+    CONTROL_STEPS,
+    LINK_STREAM,
+    STEPS_PER_S,
+    TRACE_STEPS,
+    DrivenRover,
+    home,
+)
 from rover_sim.eyes import eyes
 from rover_sim.files import write_text
 from rover_sim.mavlink.camera_messages import CameraPort
@@ -25,13 +32,7 @@ from rover_sim.mavlink.stack import BadLink, open_links
 from rover_sim.mavlink.vehicle import Vehicle
 from rover_sim.pacing import RealTime
 from rover_sim.photographs import Photographer
-from rover_sim.sim.mobility_events import MobilityLog
-from rover_sim.sim.recorder import TraceRecorder
 from rover_sim.sim.rover import RoverModel
-from rover_sim.sim.rover_urdf import wheel_names
-from rover_sim.sim.simulation import Simulation
-from rover_sim.sim.vehicle_state import trace_columns
-from rover_sim.traverse import CAMERA_STREAM, CONTROL_STEPS, LINK_STREAM, SENSOR_STREAM, STEPS_PER_S, TRACE_STEPS
 from worlds.scenario import dump_scenario
 from worlds.types import World
 
@@ -69,9 +70,7 @@ class LiveRover:
         """``parameters``: file that they are taken from, if it exists, and written to at each change."""
         scenario = world.scenario
         self.world = world
-        self._footprint = rover.footprint()
-        home = (*scenario.rover.start_m, float(world.start.position_w[2]))
-        self.autopilot = tuned_autopilot(self._footprint, home, scenario.gravity_m_s2)
+        self.autopilot = tuned_autopilot(rover.footprint(), home(world), scenario.gravity_m_s2)
         eye, model = eyes(scenario, STEPS_PER_S).get("camera"), rover.camera(scenario.camera)
         bad = None if faults is None else BadLink(faults, (world.seed, LINK_STREAM))
         links, log = open_links(urls, tlog, bad=bad)
@@ -83,28 +82,21 @@ class LiveRover:
             if parameters is not None and parameters.exists():
                 load_parameters(parameters, self.autopilot.parameters)
             self._parameter_file, self._saved = parameters, self.autopilot.parameters.changes
-            self._simulation = Simulation(world, rover, np.random.default_rng([world.seed, SENSOR_STREAM]))
+            self._rover = DrivenRover(world, rover, self.autopilot)
             if eye is not None and port is not None:
                 rng = np.random.default_rng([world.seed, CAMERA_STREAM])
-                self._photographer = Photographer(world, self._simulation, model, eye, rng)
+                self._photographer = Photographer(world, self._rover.simulation, model, eye, rng)
         except BaseException:
             self.vehicle.close()
             raise
         self._narrator = Narrator(self.vehicle.endpoint)
-        self._recorder = TraceRecorder()
-        self._mobility, self._wheel_names = MobilityLog(rover, scenario.gravity_m_s2), wheel_names(rover)
-        self._model = SensorModel(gravity_m_s2=scenario.gravity_m_s2)
-        readings = self._simulation.read_sensors()
-        place = (home[0], home[1], home[2] + self._footprint.wheel_radius_m)  # a surveyed point
-        self._located = localization.start(readings, place, model=self._model)
-        self._wheel_speeds: tuple[float, ...] = (0.0,) * len(readings.wheel_speed_rad_s)
         self._steps = 0
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._simulation.close()
+        self._rover.close()
         self.vehicle.close()
 
     def run(self, stopped: Callable[[], bool], show: Callable[[LiveStatus], None] = lambda _: None) -> bool:
@@ -114,12 +106,12 @@ class LiveRover:
             self.step()
             if self._steps % STEPS_PER_S == 0:
                 show(self._status(pace.factor))
-            if self._simulation.state.off_map:
+            if self._rover.simulation.state.off_map:
                 return False
             # What a station says is answered as it comes: a step of the physics takes longer than an answer.
-            while (left_s := pace.left_s(self._simulation.time_s)) > 0.0:
+            while (left_s := pace.left_s(self._rover.simulation.time_s)) > 0.0:
                 if self.vehicle.endpoint.wait(left_s):
-                    self.vehicle.answer(self._simulation.time_s)
+                    self.vehicle.answer(self._rover.simulation.time_s)
         return True
 
     def step(self) -> None:
@@ -127,17 +119,17 @@ class LiveRover:
         if self._steps % CONTROL_STEPS == 0:
             self._control()
         else:
-            self.vehicle.answer(self._simulation.time_s)
+            self.vehicle.answer(self._rover.simulation.time_s)
         if self._steps % TRACE_STEPS == 0:
             self._observe()
             self._keep_parameters()
-        self._simulation.step(self._wheel_speeds)
+        self._rover.step()
         self._steps += 1
 
     def save(self, folder: Path) -> None:
         """Write trace, mission and scenario; the log was written as it came."""
         write_text(folder / "scenario.toml", dump_scenario(self.world.scenario))
-        self._recorder.save(folder / "trace.npz")
+        self._rover.recorder.save(folder / "trace.npz")
         self.vehicle.save_plans(folder / "mission.waypoints", folder / "mission.plan")
 
     def _photograph(self, path: Path) -> bool:
@@ -150,30 +142,17 @@ class LiveRover:
             self._saved = changes
 
     def _control(self) -> None:
-        time_s = self._simulation.time_s
-        readings = self._simulation.read_sensors()
-        self._located = localization.localize(self._located, readings, self._footprint, self._model)
-        estimate = localization.estimate(self._located)
-        self._wheel_speeds = self.autopilot.update(time_s, estimate, readings)
-        self.vehicle.tick(time_s, estimate, readings)
+        readings = self._rover.control()
+        self.vehicle.tick(self._rover.simulation.time_s, self._rover.estimate, readings)
 
     def _observe(self) -> None:
-        state, motion = self._simulation.state, self.autopilot.motion
-        self._narrator.tell(state, self._mobility.look(state, TRACE_STEPS / STEPS_PER_S), self._wheel_names)
-        estimate = localization.estimate(self._located)
-        self._recorder.add(
-            **trace_columns(state),
-            command=(motion.linear_m_s, motion.yaw_rate_rad_s),
-            wheel_command=self._wheel_speeds,
-            estimate_position_w=estimate.pose.position_w,
-            estimate_quaternion_w=estimate.pose.quaternion_w,
-            mode=int(self.autopilot.mode),
-            armed=self.autopilot.armed,
-            mission_current=self.autopilot.auto.current,
+        self._rover.watch(self._narrator)
+        self._rover.record(
+            mode=int(self.autopilot.mode), armed=self.autopilot.armed, mission_current=self.autopilot.auto.current
         )
 
     def _status(self, factor: float) -> LiveStatus:
-        state = self._simulation.state
+        state = self._rover.simulation.state
         return LiveStatus(
             time_s=state.time_s,
             real_time_factor=factor,

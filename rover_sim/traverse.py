@@ -5,16 +5,25 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
 from perception.pipeline import load_knowledge
-from planner import localization, navigator
+from planner import navigator
 from planner.corridor import CAMERA_SPEED, SpeedModel
-from planner.localization import SensorModel
 from planner.navigator import NavigatorModel
 from rover_sim.autopilot.tuning import tuned_autopilot
+from rover_sim.driven_rover import (
+    CAMERA_STREAM,
+    CONTROL_STEPS,
+    LASER_STREAM,
+    LINK_STREAM,
+    STEPS_PER_S,
+    TRACE_STEPS,
+    DrivenRover,
+    home,
+)
 from rover_sim.eyes import eyes
 from rover_sim.given_way import GivenWay, Pilot, Way
 from rover_sim.mavlink.faults import Faults
@@ -24,26 +33,23 @@ from rover_sim.outcome import Judge, Limits, Reason
 from rover_sim.pacing import WallClock
 from rover_sim.scoring import ClassScore
 from rover_sim.sim.laser import LaserScanner
-from rover_sim.sim.mobility_events import MobilityEvent, MobilityLog, active_kinds
-from rover_sim.sim.recorder import TraceRecorder
+from rover_sim.sim.mobility_events import MobilityEvent, active_kinds
 from rover_sim.sim.renderer import Renderer, add_noise, make_renderer
 from rover_sim.sim.rover import RoverModel
-from rover_sim.sim.rover_urdf import wheel_names
 from rover_sim.sim.ruts import SavedRuts
-from rover_sim.sim.simulation import Simulation
-from rover_sim.sim.vehicle_state import VehicleState, trace_columns
+from rover_sim.sim.vehicle_state import VehicleState
 from rover_sim.summary import Identity, summarize
 from rover_sim.true_obstacles import check_start
 from worlds.geometry import camera_pose, rotation_from_quaternion, to_sun, to_the_right
-from worlds.types import Frame, Pose, RangeScan, Vector3, World
+from worlds.types import Frame, Pose, RangeScan, World
 
-STEPS_PER_S = 240
-CONTROL_STEPS = 5  # sensors, estimate, autopilot and link at 48 Hz
-TRACE_STEPS = 10  # trace and judge at 24 Hz
+if TYPE_CHECKING:
+    from rover_sim.sim.recorder import TraceRecorder
+    from rover_sim.sim.simulation import Simulation
+
 STEREO_BASELINE_M = 0.12
 LASER_SD_M = 0.02  # that the rover believes of its scanner
 LINK_GRACE_S = 5.0  # the first heartbeats need not have come before
-SENSOR_STREAM, CAMERA_STREAM, LASER_STREAM, LINK_STREAM = 101, 102, 103, 104  # of the seed
 
 
 @dataclass(frozen=True)
@@ -74,21 +80,17 @@ class Traverse:
     def __init__(self, world: World, rover: RoverModel, options: RunOptions, tlog: Path | None = None) -> None:
         scenario = world.scenario
         self.world, self._options = world, options
-        self._footprint = rover.footprint()
-        check_start(world, self._footprint)
+        footprint = rover.footprint()
+        check_start(world, footprint)
         self._camera = rover.camera(scenario.camera)
-        self._sensor_model = SensorModel(gravity_m_s2=scenario.gravity_m_s2)
         self._camera_rng = np.random.default_rng([world.seed, CAMERA_STREAM])
-        self.recorder, self._classes = TraceRecorder(), ClassScore()
-        self._judge = Judge(Limits(touch_ends=options.any_touch_ends))
-        self._mobility, self._wheel_names = MobilityLog(rover, scenario.gravity_m_s2), wheel_names(rover)
-        home = (*scenario.rover.start_m, float(world.start.position_w[2]))
-        self._autopilot = tuned_autopilot(self._footprint, home, scenario.gravity_m_s2)
+        self._classes, self._judge = ClassScore(), Judge(Limits(touch_ends=options.any_touch_ends))
+        autopilot = tuned_autopilot(footprint, home(world), scenario.gravity_m_s2)
         self._eyes = eyes(scenario, STEPS_PER_S) if options.way is None else {}
         bad = None if options.faults is None else BadLink(options.faults, (world.seed, LINK_STREAM))
-        self._stack = MavlinkStack(world.origin, self._autopilot, options.connect, tlog, bad=bad)
+        self._stack = MavlinkStack(world.origin, autopilot, options.connect, tlog, bad=bad)
         try:
-            self._simulation = Simulation(world, rover, np.random.default_rng([world.seed, SENSOR_STREAM]))
+            self._rover = DrivenRover(world, rover, autopilot)
             self._renderer = make_renderer(world, self._simulation.ruts) if "camera" in self._eyes else None
             scanner_rng = np.random.default_rng([world.seed, LASER_STREAM])
             self._scanner = LaserScanner(world, rover.laser(), scanner_rng) if "laser" in self._eyes else None
@@ -98,16 +100,15 @@ class Traverse:
         self._computer: OnboardComputer | None = None
         self.onboard: Pilot
         if options.way is None:
-            self.onboard = self._computer = self._planner(home)
+            self.onboard = self._computer = self._planner()
         else:
-            self.onboard = GivenWay(self._stack.companion, self._stack.frame, home, options.way)
-        self._locate_start(home)
+            self.onboard = GivenWay(self._stack.companion, self._stack.frame, home(world), options.way)
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._simulation.close()
+        self._rover.close()
         self._stack.close()
 
     def run(
@@ -127,7 +128,7 @@ class Traverse:
             if self._see(step, on_sight):
                 show(self._status())
                 ended = (Reason.ABORTED, "interrupted") if stopped() else ended
-            self._simulation.step(self._wheel_speeds)
+            self._rover.step()
             step += 1
             if self._options.realtime and step % CONTROL_STEPS == 0:
                 clock.wait_until(step / STEPS_PER_S)
@@ -143,7 +144,7 @@ class Traverse:
                 seed=self.world.seed,
                 start_w=scenario.rover.start_m,
                 goal_w=scenario.goal.position_m,
-                wheel_radius_m=self._footprint.wheel_radius_m,
+                wheel_radius_m=self._rover.footprint.wheel_radius_m,
             ),
             replace(self.onboard.counts, collisions=self._judge.collisions),
             reason,
@@ -154,9 +155,18 @@ class Traverse:
         )
 
     @property
+    def recorder(self) -> TraceRecorder:
+        """The trace so far."""
+        return self._rover.recorder
+
+    @property
     def events(self) -> list[MobilityEvent]:
         """What befell the rover so far."""
-        return self._mobility.events
+        return self._rover.mobility.events
+
+    @property
+    def _simulation(self) -> Simulation:
+        return self._rover.simulation
 
     @property
     def ruts(self) -> SavedRuts | None:
@@ -168,36 +178,24 @@ class Traverse:
         """Write the mission that the vehicle holds, in both of QGroundControl's formats."""
         self._stack.vehicle.save_plans(waypoints, plan)
 
-    def _planner(self, home_w: Vector3) -> OnboardComputer:
+    def _planner(self) -> OnboardComputer:
         """A pilot that sees and plans."""
         scenario = self.world.scenario
         goal = scenario.goal
         model = NavigatorModel(speed=SpeedModel() if "laser" in self._eyes else CAMERA_SPEED)
         area = self.world.ground.x_limits_m, self.world.ground.y_limits_m
         plan = navigator.begin(
-            goal.position_m, goal.radius_m, self._footprint, scenario.rover.start_m, model=model, area=area
+            goal.position_m, goal.radius_m, self._rover.footprint, scenario.rover.start_m, model=model, area=area
         )
         periods = {name: eye.steps / STEPS_PER_S for name, eye in self._eyes.items()}
         knowledge = load_knowledge("rendered")
-        return OnboardComputer(self._stack.companion, self._stack.frame, home_w, plan, knowledge, periods)
-
-    def _locate_start(self, home_w: tuple[float, float, float]) -> None:
-        """The rover starts on a surveyed point, at rest."""
-        readings = self._simulation.read_sensors()
-        place = (home_w[0], home_w[1], home_w[2] + self._footprint.wheel_radius_m)
-        self._located = localization.start(readings, place, model=self._sensor_model)
-        self._estimate = localization.estimate(self._located)
-        self._wheel_speeds: tuple[float, ...] = (0.0,) * len(readings.wheel_speed_rad_s)
+        return OnboardComputer(self._stack.companion, self._stack.frame, home(self.world), plan, knowledge, periods)
 
     def _control(self) -> None:
         """Sensors, estimate, autopilot, link."""
-        time_s = self._simulation.time_s
-        readings = self._simulation.read_sensors()
-        self._located = localization.localize(self._located, readings, self._footprint, self._sensor_model)
-        self._estimate = localization.estimate(self._located)
-        self._wheel_speeds = self._autopilot.update(time_s, self._estimate, readings)
-        self._stack.tick(time_s, self._estimate, readings)
-        self.onboard.tick(self._estimate)
+        readings = self._rover.control()
+        self._stack.tick(self._simulation.time_s, self._rover.estimate, readings)
+        self.onboard.tick(self._rover.estimate)
 
     def _see(self, step: int, on_sight: Callable[[Sight], None]) -> bool:
         """Use the eyes whose time it is; whether any was."""
@@ -213,7 +211,7 @@ class Traverse:
     def _scan(self, scanner: LaserScanner, computer: OnboardComputer) -> None:
         """A turn of the scanner where it truly is, placed where the rover believes it to be."""
         time_s, laser = self._simulation.time_s, scanner.laser
-        believed = self._estimate.pose
+        believed = self._rover.estimate.pose
         place = believed.position_w + rotation_from_quaternion(believed.quaternion_w) @ np.asarray(laser.position_b)
         scan = RangeScan(
             time_s=time_s,
@@ -223,9 +221,9 @@ class Traverse:
             least_m=np.zeros(len(laser.angles_rad)),
             reach_m=laser.reach_m,
             pose=Pose(place, believed.quaternion_w),
-            ground=localization.ground_plane(self._located, self._footprint.wheel_radius_m),
+            ground=self._rover.ground(),
         )
-        computer.scan(scan, self._estimate, time_s)
+        computer.scan(scan, self._rover.estimate, time_s)
 
     def _look(self, renderer: Renderer, computer: OnboardComputer) -> Sight:
         """A picture from where the camera truly is, judged from where the rover believes it to be."""
@@ -241,13 +239,13 @@ class Traverse:
             time_s=time_s,
             image=image,
             camera=camera,
-            camera_pose=camera_pose(self._estimate.pose, camera),
-            ground=localization.ground_plane(self._located, self._footprint.wheel_radius_m),
+            camera_pose=camera_pose(self._rover.estimate.pose, camera),
+            ground=self._rover.ground(),
             right=right,
             baseline_m=STEREO_BASELINE_M,
             to_sun_w=to_sun(self.world.scenario.sun.azimuth_deg, self.world.scenario.sun.elevation_deg),
         )
-        sight = computer.look(frame, self._estimate, time_s)
+        sight = computer.look(frame, self._rover.estimate, time_s)
         clasts = renderer.clasts(camera, true_pose, rendered)
         self._classes.add(clasts, rendered.depth_m, sight.perception.classes)
         return sight
@@ -255,11 +253,10 @@ class Traverse:
     def _observe(self) -> tuple[Reason, str] | None:
         """Record the true state and judge it."""
         state, step_s = self._simulation.state, TRACE_STEPS / STEPS_PER_S
-        begun = self._mobility.look(state, step_s)
-        self._stack.narrator.tell(state, begun, self._wheel_names)
-        self._record(state)
+        self._rover.watch(self._stack.narrator)
+        self._record()
         contacts, wheel_touched = self._simulation.take_contacts(), self._simulation.take_wheel_touch()
-        digging = self._mobility.digging(state)
+        digging = self._rover.mobility.digging(state)
         reason = self._judge.look(state, contacts, step_s, digging=digging, wheel_touched=wheel_touched)
         if reason is not None:
             touched = f"touched obstacle {contacts[0].obstacle_id}" if contacts else ""
@@ -290,16 +287,11 @@ class Traverse:
             return Reason.LINK_LOST, "the companion no longer hears the vehicle"
         return None
 
-    def _record(self, state: VehicleState) -> None:
-        motion, status = self._autopilot.motion, self._stack.companion.status
-        self.recorder.add(
-            **trace_columns(state),
-            **{kind.value: lasts for kind, lasts in active_kinds(self._mobility.memory).items()},
-            command=(motion.linear_m_s, motion.yaw_rate_rad_s),
-            wheel_command=self._wheel_speeds,
-            estimate_position_w=self._estimate.pose.position_w,
-            estimate_quaternion_w=self._estimate.pose.quaternion_w,
-            estimate_position_sd=self._estimate.position_sd_m,
+    def _record(self) -> None:
+        status = self._stack.companion.status
+        self._rover.record(
+            **{kind.value: lasts for kind, lasts in active_kinds(self._rover.mobility.memory).items()},
+            estimate_position_sd=self._rover.estimate.position_sd_m,
             mode=-1 if status.mode is None else status.mode,
             mission_current=-1 if status.current is None else status.current,
         )

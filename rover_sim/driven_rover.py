@@ -1,0 +1,88 @@
+"""What a run and a served rover share: physics, sensors, pose filter and autopilot of one rover, and its trace."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from planner import localization
+from planner.localization import SensorModel
+from rover_sim.sim.mobility_events import MobilityLog
+from rover_sim.sim.recorder import TraceRecorder
+from rover_sim.sim.rover_urdf import wheel_names
+from rover_sim.sim.simulation import Simulation
+from rover_sim.sim.vehicle_state import VehicleState, trace_columns
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from rover_sim.autopilot.autopilot import Autopilot
+    from rover_sim.mavlink.narrator import Narrator
+    from rover_sim.sim.rover import RoverModel
+    from worlds.types import GroundPlane, PoseEstimate, SensorReadings, Vector3, World
+
+STEPS_PER_S = 240
+CONTROL_STEPS = 5  # sensors, estimate, autopilot and link at 48 Hz
+TRACE_STEPS = 10  # trace and judge at 24 Hz
+SENSOR_STREAM, CAMERA_STREAM, LASER_STREAM, LINK_STREAM = 101, 102, 103, 104  # of the seed
+
+
+def home(world: World) -> Vector3:
+    """The ground below the start, metres."""
+    return (*world.scenario.rover.start_m, float(world.start.position_w[2]))
+
+
+class DrivenRover:
+    """A rover at rest on a surveyed point, to be stepped; holds a physics client until it is closed."""
+
+    def __init__(self, world: World, rover: RoverModel, autopilot: Autopilot) -> None:
+        gravity_m_s2 = world.scenario.gravity_m_s2
+        self.autopilot, self.footprint = autopilot, rover.footprint()
+        self.simulation = Simulation(world, rover, np.random.default_rng([world.seed, SENSOR_STREAM]))
+        self.recorder, self.mobility = TraceRecorder(), MobilityLog(rover, gravity_m_s2)
+        self._wheel_names, self._sensor_model = wheel_names(rover), SensorModel(gravity_m_s2=gravity_m_s2)
+        readings = self.simulation.read_sensors()
+        x, y, z = home(world)
+        place = (x, y, z + self.footprint.wheel_radius_m)
+        self._located = localization.start(readings, place, model=self._sensor_model)
+        self.estimate: PoseEstimate = localization.estimate(self._located)
+        self._wheel_speeds: tuple[float, ...] = (0.0,) * len(readings.wheel_speed_rad_s)
+
+    def close(self) -> None:
+        """End the physics."""
+        self.simulation.close()
+
+    def step(self) -> None:
+        """One step of the physics, under the last wheel speeds of the autopilot."""
+        self.simulation.step(self._wheel_speeds)
+
+    def control(self) -> SensorReadings:
+        """Sensors, estimate, autopilot; the readings are for the link."""
+        readings = self.simulation.read_sensors()
+        self._located = localization.localize(self._located, readings, self.footprint, self._sensor_model)
+        self.estimate = localization.estimate(self._located)
+        self._wheel_speeds = self.autopilot.update(self.simulation.time_s, self.estimate, readings)
+        return readings
+
+    def watch(self, narrator: Narrator) -> None:
+        """Look for mobility events of the true state and have them told."""
+        state = self.simulation.state
+        narrator.tell(state, self.mobility.look(state, TRACE_STEPS / STEPS_PER_S), self._wheel_names)
+
+    def record(self, **more: ArrayLike) -> VehicleState:
+        """One row of the trace, with more columns of the caller's; the true state."""
+        state, motion = self.simulation.state, self.autopilot.motion
+        self.recorder.add(
+            **trace_columns(state),
+            command=(motion.linear_m_s, motion.yaw_rate_rad_s),
+            wheel_command=self._wheel_speeds,
+            estimate_position_w=self.estimate.pose.position_w,
+            estimate_quaternion_w=self.estimate.pose.quaternion_w,
+            **more,
+        )
+        return state
+
+    def ground(self) -> GroundPlane:
+        """The plane that the rover believes to stand on."""
+        return localization.ground_plane(self._located, self.footprint.wheel_radius_m)
