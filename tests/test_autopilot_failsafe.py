@@ -71,7 +71,33 @@ def test_tilt_must_last_to_trip() -> None:
     drive.rover.roll_rad = np.deg2rad(40.0)
     drive.until(lambda: drive.autopilot.mode is Mode.HOLD, 1.0)
     assert any(text.startswith("Tilt 40 deg") for text in drive.texts)
-    assert drive.autopilot.set_mode(Mode.AUTO) == "tilted by 40 deg"
+    drive.autopilot.disarm()
+    assert drive.autopilot.arm() == "tilted by 40 deg"
+
+
+def test_a_leaning_rover_may_drive_back_but_not_lean_more() -> None:
+    """Held for ever where it stopped it would never stand upright again."""
+    drive = driving()
+    drive.rover.roll_rad = np.deg2rad(40.0)
+    drive.until(lambda: drive.autopilot.mode is Mode.HOLD, 1.0)
+    assert drive.autopilot.set_mode(Mode.AUTO) is None
+    drive.rover.roll_rad = np.deg2rad(42.0)
+    for _ in range(100):
+        drive.step()
+    assert drive.autopilot.mode is Mode.AUTO
+    drive.rover.roll_rad = np.deg2rad(44.0)
+    drive.until(lambda: drive.autopilot.mode is Mode.HOLD, 1.0)
+
+
+def test_once_upright_the_limit_is_what_it_was() -> None:
+    drive = driving()
+    drive.rover.roll_rad = np.deg2rad(40.0)
+    drive.until(lambda: drive.autopilot.mode is Mode.HOLD, 1.0)
+    assert drive.autopilot.set_mode(Mode.AUTO) is None
+    for roll_deg in (30.0, 36.0):
+        drive.rover.roll_rad = np.deg2rad(roll_deg)
+        drive.step()
+    drive.until(lambda: drive.autopilot.mode is Mode.HOLD, 1.0)
 
 
 def test_no_progress_holds() -> None:

@@ -20,7 +20,8 @@ def unfit(autopilot: Autopilot, time_s: float | None, estimate: PoseEstimate | N
 
 def arming_refusal(autopilot: Autopilot, time_s: float | None, estimate: PoseEstimate | None) -> str | None:
     """Why the rover must not be armed now."""
-    reason = unfit(autopilot, time_s, estimate) or autopilot.pilot.unfit()
+    reason = unfit(autopilot, time_s, estimate) or autopilot.failsafe.leaning(autopilot.parameters)
+    reason = reason or autopilot.pilot.unfit()
     if reason is None and estimate is not None:
         reason = autopilot.fence.unfit(estimate.pose.position_w, autopilot.home_w)
     return reason or autopilot.battery.unfit()

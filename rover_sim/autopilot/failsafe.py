@@ -18,6 +18,9 @@ STUCK = {
 }
 
 
+_LEAN_MORE_RAD = radians(3.0)
+
+
 @dataclass(frozen=True)
 class Trip:
     """A fail-safe has tripped: the autopilot goes to Hold and says why."""
@@ -33,18 +36,27 @@ class Failsafe:
         self.monitor = MonitorState()
         self._footprint = footprint
         self._tilted_since_s: float | None = None
+        self._tilt_rad = 0.0
+        self._begun_rad = 0.0  # lean with which the task began, until the rover stands within the limit again
 
     def reset(self) -> None:
-        """Forget what has built up: a new task gets its full time and its full wheel revolution."""
+        """Forget what has built up: a new task gets its full time and its full wheel revolution.
+
+        A rover that leans over the limit may drive back to where it stands better: until it does, the limit is a
+        little more than the lean of the beginning.
+        """
         self.monitor = resume(self.monitor)
         self._tilted_since_s = None
+        self._begun_rad = self._tilt_rad
 
     def unfit(self, time_s: float, estimate: PoseEstimate | None, parameters: ParameterTable) -> str | None:
         """Why the rover must not begin to drive by itself now; None if it may."""
-        reason = _pose_fault(time_s, estimate, parameters)
-        if reason is None and estimate is not None and tilt(estimate) > _tilt_limit_rad(parameters):
-            return f"tilted by {degrees(tilt(estimate)):.0f} deg"
-        return reason
+        return _pose_fault(time_s, estimate, parameters)
+
+    def leaning(self, parameters: ParameterTable) -> str | None:
+        """Why the rover must not be armed where it stands; None if it may."""
+        leans = self._tilt_rad > _tilt_limit_rad(parameters)
+        return f"tilted by {degrees(self._tilt_rad):.0f} deg" if leans else None
 
     def update(
         self,
@@ -58,9 +70,12 @@ class Failsafe:
         fault = _pose_fault(time_s, estimate, parameters)
         if fault is not None or estimate is None:
             return Trip(Severity.CRITICAL, f"Pose lost: {fault}")
+        self._tilt_rad, tilt_limit_rad = tilt(estimate), _tilt_limit_rad(parameters)
+        if self._tilt_rad <= tilt_limit_rad:
+            self._begun_rad = 0.0
         limits = MonitorLimits(
             slip=parameters["FS_SLIP_PCT"] / 100.0 if parameters["FS_SLIP_ENABLE"] else inf,
-            tilt_rad=_tilt_limit_rad(parameters),
+            tilt_rad=max(tilt_limit_rad, self._begun_rad + _LEAN_MORE_RAD),
             stuck_time_s=parameters["FS_STUCK_S"],
         )
         if not parameters["FS_STUCK_ENABLE"]:
