@@ -266,9 +266,10 @@ def _table(state: NavigatorState) -> FloatArray:
     """Obstacles (N, 7) in the world: remembered rocks, places of trouble and the limits of the area."""
     models = state.models
     here = None if state.place_w is None else np.asarray(state.place_w)
-    wheel_m = models.footprint.width_m - models.footprint.track_m
-    climb_m = models.footprint.climb_height_m
-    table = obstacles(state.memory.rocks, models.drive, climb_m, wheel_width_m=wheel_m, place_w=here)
+    body = models.footprint
+    table = obstacles(
+        state.memory.rocks, models.drive, body.climb_height_m, wheel_width_m=body.wheel_width_m, place_w=here
+    )
     xy, radius = state.avoid_w[:, :2], state.avoid_w[:, 2:]
     trouble = np.hstack([xy, xy, radius, np.ones_like(radius), np.ones_like(radius)])
     return np.vstack([table, trouble, state.fence])

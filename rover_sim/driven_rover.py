@@ -12,7 +12,7 @@ from rover_sim.sim.mobility_events import MobilityLog
 from rover_sim.sim.recorder import TraceRecorder
 from rover_sim.sim.rover_urdf import wheel_names
 from rover_sim.sim.simulation import Simulation
-from rover_sim.sim.vehicle_state import VehicleState, trace_columns
+from rover_sim.sim.vehicle_state import trace_columns
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -70,8 +70,8 @@ class DrivenRover:
         state = self.simulation.state
         narrator.tell(state, self.mobility.look(state, TRACE_STEPS / STEPS_PER_S), self._wheel_names)
 
-    def record(self, **more: ArrayLike) -> VehicleState:
-        """One row of the trace, with more columns of the caller's; the true state."""
+    def record(self, **more: ArrayLike) -> None:
+        """One row of the trace, with more columns of the caller's."""
         state, motion = self.simulation.state, self.autopilot.motion
         self.recorder.add(
             **trace_columns(state),
@@ -81,7 +81,6 @@ class DrivenRover:
             estimate_quaternion_w=self.estimate.pose.quaternion_w,
             **more,
         )
-        return state
 
     def ground(self) -> GroundPlane:
         """The plane that the rover believes to stand on."""

@@ -134,12 +134,11 @@ def _table(moment: Moment) -> FloatArray:
     """The obstacles as the planner has them."""
     models = moment.plan.models
     body = models.footprint
-    wheel_m = body.width_m - body.track_m
     return obstacles(
         moment.plan.memory.rocks,
         models.drive,
         body.climb_height_m,
-        wheel_width_m=wheel_m,
+        wheel_width_m=body.wheel_width_m,
         place_w=moment.place_w,
     )
 

@@ -401,6 +401,11 @@ class Footprint:
     climb_height_m: float = 0.08  # lower rocks may be driven over
     body: RigidBody | None = None  # None: its wheels hang on arms, or nothing is known
 
+    @property
+    def wheel_width_m(self) -> float:
+        """Width of a wheel: the outer edges of two are as far apart as the body is wide."""
+        return self.width_m - self.track_m
+
 
 @dataclass(frozen=True, eq=False)
 class SoilMap:

@@ -26,8 +26,7 @@ class ReturnPlaces:
         """What the place is, and where.
 
         Rally points outside of the fence or too far away do not count, and places with a clear way go before others.
-        Without any rally point, a rover that has broken out goes
-        to the fence's return point if there is one, else home.
+        Without any rally point, a rover that has broken out goes to the fence's return point, or home if there is none.
         """
         with_home, limit_m = rally_rules(self._parameters)
         rally = [

@@ -27,12 +27,8 @@ CIRCLES = {
 RALLY_POINT = mavlink.MAV_CMD_NAV_RALLY_POINT
 
 
-class FenceStore:
-    """Polygons, circles and one return point."""
-
-    kind = int(mavlink.MAV_MISSION_TYPE_FENCE)
-    name = "Fence"
-    capacity = 1000
+class _PlaceStore:
+    """Items that are places, read as they were written."""
 
     def __init__(self, context: Context) -> None:
         self._context = context
@@ -43,6 +39,17 @@ class FenceStore:
     def readable(self) -> tuple[WireItem, ...]:
         """All items."""
         return self.items
+
+    def _place(self, item: WireItem) -> Vector3:
+        return place_in(item, self._context.frame, self._context.autopilot.home_w)
+
+
+class FenceStore(_PlaceStore):
+    """Polygons, circles and one return point."""
+
+    kind = int(mavlink.MAV_MISSION_TYPE_FENCE)
+    name = "Fence"
+    capacity = 1000
 
     def check_item(self, item: WireItem, seq: int) -> None:  # noqa: ARG002  (a list of another kind needs it)
         """A command of a fence with a place, and with a radius or a number of corners that can be."""
@@ -55,7 +62,7 @@ class FenceStore:
                 raise RefusedItemError(mavlink.MAV_MISSION_INVALID_PARAM1)
         elif item.command != RETURN_POINT:
             raise RefusedItemError(mavlink.MAV_MISSION_UNSUPPORTED)
-        place_in(item, self._context.frame, self._context.autopilot.home_w)
+        self._place(item)
 
     def replace(self, items: Sequence[WireItem]) -> None:
         """Take the fence; refused where a polygon is not complete or there are two return points."""
@@ -64,22 +71,12 @@ class FenceStore:
         self._context.autopilot.fence.fence = fence
 
 
-class RallyStore:
+class RallyStore(_PlaceStore):
     """Places to return to."""
 
     kind = int(mavlink.MAV_MISSION_TYPE_RALLY)
     name = "Rally"
     capacity = 100
-
-    def __init__(self, context: Context) -> None:
-        self._context = context
-        self.items: tuple[WireItem, ...] = ()
-        self.opaque_id = 0
-
-    @property
-    def readable(self) -> tuple[WireItem, ...]:
-        """All items."""
-        return self.items
 
     def check_item(self, item: WireItem, seq: int) -> None:  # noqa: ARG002  (a list of another kind needs it)
         """A rally point with a place."""
@@ -92,9 +89,6 @@ class RallyStore:
         places = tuple(self._place(item) for item in items)
         self.items, self.opaque_id = tuple(items), plan_id(items)
         self._context.autopilot.returns.rally_w = places
-
-    def _place(self, item: WireItem) -> Vector3:
-        return place_in(item, self._context.frame, self._context.autopilot.home_w)
 
 
 def fence_of(items: Sequence[WireItem], frame: LocalFrame, home_w: Vector3) -> Fence:
