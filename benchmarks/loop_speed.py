@@ -101,7 +101,7 @@ def drive(scenario: Scenario, seed: int) -> tuple[float, float, float, dict[str,
     with TemporaryDirectory() as scratch:
         folder = Path(scratch)
         with (
-            traverse.Traverse(world, rover, traverse.RunOptions(), folder / run_folder.TLOG) as run,
+            traverse.open_traverse(world, rover, traverse.RunOptions(), folder / run_folder.TLOG) as run,
             Sights(30.0, None, scenario.camera.rate_hz) as sights,
         ):
             start = time.process_time()

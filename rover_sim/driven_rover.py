@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from rover_sim.sim.vehicle_state import trace_columns
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from rover_sim.autopilot.autopilot import Autopilot
+    from planner.mobility import Command
     from rover_sim.mavlink.narrator import Narrator
     from rover_sim.sim.rover import RoverModel
     from worlds.types import GroundPlane, PoseEstimate, SensorReadings, Vector3, World
@@ -33,12 +33,30 @@ def home(world: World) -> Vector3:
     return (*world.scenario.rover.start_m, float(world.start.position_w[2]))
 
 
+class Driver(Protocol):
+    """Who turns the wheels: the built-in autopilot, or outputs from outside."""
+
+    @property
+    def motion(self) -> Command:
+        """The motion commanded by the last update."""
+        ...
+
+    @property
+    def wheel_speed_rad_s(self) -> tuple[float, ...]:
+        """Wheel speeds (left side front to rear, then right side) for the next step."""
+        ...
+
+    def update(self, time_s: float, estimate: PoseEstimate, readings: SensorReadings) -> tuple[float, ...]:
+        """Hear the sensors; returns the wheel speeds."""
+        ...
+
+
 class DrivenRover:
     """A rover at rest on a surveyed point, to be stepped; holds a physics client until it is closed."""
 
-    def __init__(self, world: World, rover: RoverModel, autopilot: Autopilot) -> None:
+    def __init__(self, world: World, rover: RoverModel, driver: Driver) -> None:
         gravity_m_s2 = world.scenario.gravity_m_s2
-        self.autopilot, self.footprint = autopilot, rover.footprint()
+        self._driver, self.footprint = driver, rover.footprint()
         self.simulation = Simulation(world, rover, np.random.default_rng([world.seed, SENSOR_STREAM]))
         self.recorder, self.mobility = TraceRecorder(), MobilityLog(rover, gravity_m_s2)
         self._wheel_names, self._sensor_model = wheel_names(rover), SensorModel(gravity_m_s2=gravity_m_s2)
@@ -47,22 +65,21 @@ class DrivenRover:
         place = (x, y, z + self.footprint.wheel_radius_m)
         self._located = localization.start(readings, place, model=self._sensor_model)
         self.estimate: PoseEstimate = localization.estimate(self._located)
-        self._wheel_speeds: tuple[float, ...] = (0.0,) * len(readings.wheel_speed_rad_s)
 
     def close(self) -> None:
         """End the physics."""
         self.simulation.close()
 
     def step(self) -> None:
-        """One step of the physics, under the last wheel speeds of the autopilot."""
-        self.simulation.step(self._wheel_speeds)
+        """One step of the physics, under the wheel speeds of the driver."""
+        self.simulation.step(self._driver.wheel_speed_rad_s)
 
     def control(self) -> SensorReadings:
-        """Sensors, estimate, autopilot; the readings are for the link."""
+        """Sensors, estimate, driver; the readings are for the link."""
         readings = self.simulation.read_sensors()
         self._located = localization.localize(self._located, readings, self.footprint, self._sensor_model)
         self.estimate = localization.estimate(self._located)
-        self._wheel_speeds = self.autopilot.update(self.simulation.time_s, self.estimate, readings)
+        self._driver.update(self.simulation.time_s, self.estimate, readings)
         return readings
 
     def watch(self, narrator: Narrator) -> None:
@@ -72,11 +89,11 @@ class DrivenRover:
 
     def record(self, **more: ArrayLike) -> None:
         """One row of the trace, with more columns of the caller's."""
-        state, motion = self.simulation.state, self.autopilot.motion
+        state, motion = self.simulation.state, self._driver.motion
         self.recorder.add(
             **trace_columns(state),
             command=(motion.linear_m_s, motion.yaw_rate_rad_s),
-            wheel_command=self._wheel_speeds,
+            wheel_command=self._driver.wheel_speed_rad_s,
             estimate_position_w=self.estimate.pose.position_w,
             estimate_quaternion_w=self.estimate.pose.quaternion_w,
             **more,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 import numpy as np
 
@@ -22,6 +22,7 @@ from rover_sim.driven_rover import (
     STEPS_PER_S,
     TRACE_STEPS,
     DrivenRover,
+    Driver,
     home,
 )
 from rover_sim.eyes import eyes
@@ -31,6 +32,7 @@ from rover_sim.mavlink.stack import BadLink, MavlinkStack
 from rover_sim.onboard import OnboardComputer, Sight
 from rover_sim.outcome import Judge, Limits, Reason
 from rover_sim.pacing import WallClock
+from rover_sim.planner_link import PlannerLink
 from rover_sim.scoring import ClassScore
 from rover_sim.sim.laser import LaserScanner
 from rover_sim.sim.mobility_events import MobilityEvent, active_kinds
@@ -74,24 +76,37 @@ class Status:
     doing: str
 
 
-class Traverse:
-    """A rover in its world, ready to drive; a context manager, as it holds links and a physics client."""
+class Stepped(NamedTuple):
+    """What one step of a traverse brought."""
 
-    def __init__(self, world: World, rover: RoverModel, options: RunOptions, tlog: Path | None = None) -> None:
+    looked: bool  # an eye was used
+    end: tuple[Reason, str] | None
+
+
+def open_traverse(world: World, rover: RoverModel, options: RunOptions, tlog: Path | None = None) -> Traverse:
+    """A traverse by the built-in autopilot; raises InputError or LinkError if a link cannot be opened."""
+    autopilot = tuned_autopilot(rover.footprint(), home(world), world.scenario.gravity_m_s2)
+    bad = None if options.faults is None else BadLink(options.faults, (world.seed, LINK_STREAM))
+    link = MavlinkStack(world.origin, autopilot, options.connect, tlog, bad=bad)
+    return Traverse(world, rover, autopilot, link, options)
+
+
+class Traverse:
+    """A rover in its world, ready to drive; a context manager, as it holds a link and a physics client."""
+
+    def __init__(self, world: World, rover: RoverModel, driver: Driver, link: PlannerLink, options: RunOptions) -> None:
+        """``link`` is closed with the traverse, or at once if there can be none."""
         scenario = world.scenario
         self.world, self._options = world, options
-        footprint = rover.footprint()
-        check_start(world, footprint)
         self._camera = rover.camera(scenario.camera)
         self._camera_rng = np.random.default_rng([world.seed, CAMERA_STREAM])
         self._classes, self._judge = ClassScore(), Judge(Limits(touch_ends=options.any_touch_ends))
-        autopilot = tuned_autopilot(footprint, home(world), scenario.gravity_m_s2)
         self._eyes = eyes(scenario, STEPS_PER_S) if options.way is None else {}
-        bad = None if options.faults is None else BadLink(options.faults, (world.seed, LINK_STREAM))
-        self._stack = MavlinkStack(world.origin, autopilot, options.connect, tlog, bad=bad)
+        self._stack, self._steps = link, 0
         try:
-            self._rover = DrivenRover(world, rover, autopilot)
-            self._renderer = make_renderer(world, self._simulation.ruts) if "camera" in self._eyes else None
+            check_start(world, rover.footprint())
+            self._rover = DrivenRover(world, rover, driver)
+            self._renderer = make_renderer(world, self.simulation.ruts) if "camera" in self._eyes else None
             scanner_rng = np.random.default_rng([world.seed, LASER_STREAM])
             self._scanner = LaserScanner(world, rover.laser(), scanner_rng) if "laser" in self._eyes else None
         except BaseException:
@@ -118,21 +133,27 @@ class Traverse:
         on_sight: Callable[[Sight], None] = lambda _: None,
     ) -> dict[str, Any]:
         """Drive until the traverse ends and return its summary; ``stopped`` is asked at each look of an eye."""
-        clock = WallClock()
-        step, ended = 0, None
+        clock, ended = WallClock(), None
         while ended is None:
-            if step % CONTROL_STEPS == 0:
-                self._control()
-            if step % TRACE_STEPS == 0:
-                ended = self._observe()
-            if self._see(step, on_sight):
-                show(self._status())
+            looked, ended = self.step(on_sight)
+            if looked:
+                show(self.status())
                 ended = (Reason.ABORTED, "interrupted") if stopped() else ended
-            self._rover.step()
-            step += 1
-            if self._options.realtime and step % CONTROL_STEPS == 0:
-                clock.wait_until(step / STEPS_PER_S)
+            if self._options.realtime and self._steps % CONTROL_STEPS == 0:
+                clock.wait_until(self.simulation.time_s)
         return self.summary(*ended, wall_time_s=clock.elapsed_s())
+
+    def step(self, on_sight: Callable[[Sight], None] = lambda _: None) -> Stepped:
+        """What is due now - control, trace and judge, eyes - and then one step of the physics."""
+        step, ended = self._steps, None
+        if step % CONTROL_STEPS == 0:
+            self._control()
+        if step % TRACE_STEPS == 0:
+            ended = self._observe()
+        looked = self._see(step, on_sight)
+        self._rover.step()
+        self._steps += 1
+        return Stepped(looked, ended)
 
     def summary(self, reason: Reason, detail: str, *, wall_time_s: float) -> dict[str, Any]:
         """The summary of what was driven so far."""
@@ -165,18 +186,19 @@ class Traverse:
         return self._rover.mobility.events
 
     @property
-    def _simulation(self) -> Simulation:
+    def simulation(self) -> Simulation:
+        """The physics, for who is the world of an autopilot from outside."""
         return self._rover.simulation
 
     @property
     def ruts(self) -> SavedRuts | None:
         """The ruts driven so far; None where the ground does not deform."""
-        ruts = self._simulation.ruts
+        ruts = self.simulation.ruts
         return None if ruts is None else ruts.copy()
 
     def save_mission(self, waypoints: Path, plan: Path) -> None:
         """Write the mission that the vehicle holds, in both of QGroundControl's formats."""
-        self._stack.vehicle.save_plans(waypoints, plan)
+        self._stack.save_plans(waypoints, plan)
 
     def _planner(self) -> OnboardComputer:
         """A pilot that sees and plans."""
@@ -194,7 +216,7 @@ class Traverse:
     def _control(self) -> None:
         """Sensors, estimate, autopilot, link."""
         readings = self._rover.control()
-        self._stack.tick(self._simulation.time_s, self._rover.estimate, readings)
+        self._stack.tick(self.simulation.time_s, self._rover.estimate, readings)
         self.onboard.tick(self._rover.estimate)
 
     def _see(self, step: int, on_sight: Callable[[Sight], None]) -> bool:
@@ -210,13 +232,13 @@ class Traverse:
 
     def _scan(self, scanner: LaserScanner, computer: OnboardComputer) -> None:
         """A turn of the scanner where it truly is, placed where the rover believes it to be."""
-        time_s, laser = self._simulation.time_s, scanner.laser
+        time_s, laser = self.simulation.time_s, scanner.laser
         believed = self._rover.estimate.pose
         place = believed.position_w + rotation_from_quaternion(believed.quaternion_w) @ np.asarray(laser.position_b)
         scan = RangeScan(
             time_s=time_s,
             angles_rad=laser.angles_rad,
-            ranges_m=scanner.scan(self._simulation.state.pose),
+            ranges_m=scanner.scan(self.simulation.state.pose),
             range_sd_m=np.full(len(laser.angles_rad), LASER_SD_M),
             least_m=np.zeros(len(laser.angles_rad)),
             reach_m=laser.reach_m,
@@ -227,8 +249,8 @@ class Traverse:
 
     def _look(self, renderer: Renderer, computer: OnboardComputer) -> Sight:
         """A picture from where the camera truly is, judged from where the rover believes it to be."""
-        time_s, camera = self._simulation.time_s, self._camera
-        true_pose = camera_pose(self._simulation.state.pose, camera)
+        time_s, camera = self.simulation.time_s, self._camera
+        true_pose = camera_pose(self.simulation.state.pose, camera)
         rendered, right = renderer.render(camera, true_pose), None
         noise = self.world.scenario.camera.noise
         image = add_noise(rendered.image, noise, self._camera_rng)
@@ -252,10 +274,10 @@ class Traverse:
 
     def _observe(self) -> tuple[Reason, str] | None:
         """Record the true state and judge it."""
-        state, step_s = self._simulation.state, TRACE_STEPS / STEPS_PER_S
+        state, step_s = self.simulation.state, TRACE_STEPS / STEPS_PER_S
         self._rover.watch(self._stack.narrator)
         self._record()
-        contacts, wheel_touched = self._simulation.take_contacts(), self._simulation.take_wheel_touch()
+        contacts, wheel_touched = self.simulation.take_contacts(), self.simulation.take_wheel_touch()
         digging = self._rover.mobility.digging(state)
         reason = self._judge.look(state, contacts, step_s, digging=digging, wheel_touched=wheel_touched)
         if reason is not None:
@@ -299,8 +321,9 @@ class Traverse:
     def _goal_distance(self, state: VehicleState) -> float:
         return float(np.hypot(*(state.pose.position_w[:2] - np.asarray(self.world.scenario.goal.position_m))))
 
-    def _status(self) -> Status:
-        state = self._simulation.state
+    def status(self) -> Status:
+        """How the traverse stands, for a display."""
+        state = self.simulation.state
         scenario = self.world.scenario
         whole = float(np.hypot(*np.subtract(scenario.goal.position_m, scenario.rover.start_m)))
         left = self._goal_distance(state)

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from rover_sim.given_way import Way
 from rover_sim.outcome import Reason
 from rover_sim.sim.rover import RoverModel
-from rover_sim.traverse import RunOptions, Traverse
+from rover_sim.traverse import RunOptions, open_traverse
 from rover_sim.trials.drive import violations
 from rover_sim.verdict import Verdict
 from worlds.geometry import rotation_from_quaternion
@@ -81,7 +81,7 @@ def drive_way(world: World, rover: RoverModel, way: Way) -> Drive:
     Safe: the end reached, none of the violations that trials count (tip, collision, belly, drop), the tilt within 30
     degrees.
     """
-    with Traverse(world, rover, RunOptions(way=way)) as traverse:
+    with open_traverse(world, rover, RunOptions(way=way)) as traverse:
         summary = traverse.run()
         trace = traverse.recorder.arrays()
     track = trace["position_w"][:, :2]

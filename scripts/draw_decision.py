@@ -23,7 +23,7 @@ from planner.obstacle_map import obstacles
 from rover_sim.onboard import OnboardComputer, Sight
 from rover_sim.report.perceived_overlay import draw_overlay
 from rover_sim.sim.rover import load_rover
-from rover_sim.traverse import RunOptions, Traverse
+from rover_sim.traverse import RunOptions, open_traverse
 from rover_sim.trials.suites import Choices, trials_of
 from worlds.build import build_world
 from worlds.types import FloatArray
@@ -51,7 +51,7 @@ def find_moment(cfa: float, seed: int, least_ways: int) -> Moment:
     cell: Choices = {"cfa": (cfa,), "slope_deg": (0.0,), "soil": ("mars_sand",)}
     scenario = trials_of("nav", cell, [seed], None)[0].scenario
     found: list[Moment] = []
-    with Traverse(build_world(scenario, seed), load_rover(scenario.rover.model), RunOptions()) as traverse:
+    with open_traverse(build_world(scenario, seed), load_rover(scenario.rover.model), RunOptions()) as traverse:
 
         def look(sight: Sight) -> None:
             decision = sight.decision

@@ -11,7 +11,7 @@ import pytest
 from rover_sim.outcome import Judge, Limits, Reason
 from rover_sim.sim.rover import load_rover
 from rover_sim.sim.simulation import Simulation
-from rover_sim.traverse import RunOptions, Traverse
+from rover_sim.traverse import RunOptions, open_traverse
 from rover_sim.trials.course import Course, course_scenario
 from rover_sim.trials.drive import drive
 from rover_sim.trials.suites import trials_of
@@ -104,6 +104,6 @@ def test_a_start_on_a_rock_is_refused_by_its_place() -> None:
     )
     husky = load_rover("husky")
     with pytest.raises(ScenarioError, match=r"rover.start_m = .* would stand on the obstacle at \[0\.5"):
-        Traverse(build_world(scenario, 0), husky, RunOptions())
+        open_traverse(build_world(scenario, 0), husky, RunOptions())
     low = (msgspec.structs.replace(scenario.obstacle[0], height_m=0.1),)
     check_start(build_world(msgspec.structs.replace(scenario, obstacle=low), 0), husky.footprint())

@@ -49,6 +49,7 @@ class Autopilot:
         self._targets = TargetFollower(footprint)
         self._traction = Traction()
         self._motion = STOP
+        self.wheel_speed_rad_s = (0.0,) * footprint.wheels  # of the last update
         self._limits_of, self._kept_limits = self.parameters.changes, limits(self.parameters, footprint)
         self._time_s: float | None = None
         self._estimate: PoseEstimate | None = None
@@ -76,7 +77,8 @@ class Autopilot:
             self._motion = STOP
         else:
             self._motion = ramp(self._motion, wanted, self._limits(), step_s)
-        return wheel_speeds(self._motion.linear_m_s, self._motion.yaw_rate_rad_s, self.footprint)
+        self.wheel_speed_rad_s = wheel_speeds(self._motion.linear_m_s, self._motion.yaw_rate_rad_s, self.footprint)
+        return self.wheel_speed_rad_s
 
     @property
     def driving(self) -> bool:

@@ -68,7 +68,7 @@ def execute(args: argparse.Namespace) -> int:
     from rover_sim.sights import Sights
     from rover_sim.sim.rover import load_rover
     from rover_sim.stop_flag import stop_flag
-    from rover_sim.traverse import RunOptions, Traverse
+    from rover_sim.traverse import RunOptions, open_traverse
     from worlds.build import build_world
     from worlds.scenario import load_scenario
 
@@ -85,7 +85,7 @@ def execute(args: argparse.Namespace) -> int:
         video = folder / run_folder.VIDEO if args.record_video else None
         half_way_s = _expected_s(scenario) / 2
         with (
-            Traverse(world, rover, options, folder / run_folder.TLOG) as traverse,
+            open_traverse(world, rover, options, folder / run_folder.TLOG) as traverse,
             Sights(half_way_s, video, scenario.camera.rate_hz) as sights,
         ):
             summary = traverse.run(show, stopped, sights.take)

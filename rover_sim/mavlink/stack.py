@@ -85,6 +85,10 @@ class MavlinkStack:
         self.vehicle.tick(time_s, estimate, readings)
         self.companion.tick(time_s)
 
+    def save_plans(self, waypoints: Path, plan: Path) -> None:
+        """Write the mission that the vehicle holds, in both of QGroundControl's formats."""
+        self.vehicle.save_plans(waypoints, plan)
+
     def close(self) -> None:
         """Close all links and finish the log."""
         self.companion.close()

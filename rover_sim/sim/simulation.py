@@ -22,7 +22,7 @@ from rover_sim.sim.sensors import Sensors
 from rover_sim.sim.soil_kernels import FORCE, POINT
 from rover_sim.sim.surroundings import Surroundings
 from rover_sim.sim.vehicle_state import BodyContact, VehicleState
-from worlds.types import SensorReadings, Vector3, World
+from worlds.types import FloatArray, SensorReadings, Vector3, World
 
 _SETTLE_S = 4.0  # at most
 _STILL_SPEED = 2e-4  # m/s and rad/s
@@ -104,6 +104,11 @@ class Simulation:
         if self._seen is None:
             self._seen = truth.observe(self._snapshot())
         return self._seen
+
+    @property
+    def chassis_motion(self) -> FloatArray:
+        """Place, quaternion (x, y, z, w), velocity and rate of the chassis' centre of mass (13,), in the world."""
+        return self._ground.raw[:13].copy()
 
     def push(self, force_w: Vector3) -> None:
         """A force (N) from outside on the chassis' centre of mass during the next step: a gust, a pull, a blow."""

@@ -28,7 +28,7 @@ def drive(trial: Trial, folder: Path, keep: Keep) -> Row:
     from rover_sim import run_folder
     from rover_sim.sights import Sights
     from rover_sim.sim.rover import load_rover
-    from rover_sim.traverse import RunOptions, Traverse
+    from rover_sim.traverse import RunOptions, open_traverse
     from rover_sim.trials.oracle import oracle_length_m
     from worlds.build import build_world
 
@@ -40,7 +40,10 @@ def drive(trial: Trial, folder: Path, keep: Keep) -> Row:
     with TemporaryDirectory(dir=folder, prefix=SCRATCH) as scratch:
         tlog = None if keep == "none" else Path(scratch) / run_folder.TLOG
         options = RunOptions(any_touch_ends=trial.touch_ends)
-        with Traverse(world, rover, options, tlog) as traverse, Sights(np.inf, None, scenario.camera.rate_hz) as sights:
+        with (
+            open_traverse(world, rover, options, tlog) as traverse,
+            Sights(np.inf, None, scenario.camera.rate_hz) as sights,
+        ):
             summary = traverse.run(on_sight=sights.take)
             figures = trial_figures(trial, summary, traverse.recorder.arrays(), oracle_m)
             kept = keep == "all" or (keep == "failures" and not (summary["success"] and not figures["violations"]))
