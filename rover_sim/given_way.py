@@ -10,10 +10,10 @@ import numpy as np
 from planner.navigator import Decision
 from planner.terrain_map import RockMemory, empty_memory
 from rover_sim.autopilot.modes import MissionState, Mode, Severity
-from rover_sim.mavlink.companion import Companion
 from rover_sim.mavlink.geodesy import LocalFrame
 from rover_sim.mavlink.plan_items import risky_speed, way_items
 from rover_sim.mavlink.uploader import Upload, UploadState
+from rover_sim.mavlink.vehicle_control import VehicleControl
 from rover_sim.summary import Counts
 from worlds.types import FloatArray, PoseEstimate, Vector3
 
@@ -61,7 +61,7 @@ class Way:
 class GivenWay:
     """Sends a way to the vehicle and watches it; a fail-safe stop ends the drive, as nobody plans anew."""
 
-    def __init__(self, companion: Companion, local: LocalFrame, home_w: Vector3, way: Way) -> None:
+    def __init__(self, companion: VehicleControl, local: LocalFrame, home_w: Vector3, way: Way) -> None:
         points = np.array(way.points_w)
         self.ways_w: list[FloatArray] = [points]
         self.counts = Counts(plans=1, missions_sent=1, waypoints_sent=len(points) - 1)

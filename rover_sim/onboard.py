@@ -13,10 +13,10 @@ from planner import navigator
 from planner.navigator import Decision, NavigatorState
 from planner.terrain_map import RockMemory
 from rover_sim.autopilot.modes import MissionState, Mode, Severity
-from rover_sim.mavlink.companion import Companion
 from rover_sim.mavlink.geodesy import LocalFrame
 from rover_sim.mavlink.plan_items import CRUISE_M_S, backing_items, risky_speed, way_items
 from rover_sim.mavlink.uploader import Upload, UploadState
+from rover_sim.mavlink.vehicle_control import VehicleControl
 from rover_sim.mavlink.wire import WireItem
 from rover_sim.summary import Counts
 from worlds.types import FloatArray, Frame, Observation, PoseEstimate, RangeScan, Vector3
@@ -42,7 +42,7 @@ class OnboardComputer:
 
     def __init__(
         self,
-        companion: Companion,
+        companion: VehicleControl,
         local: LocalFrame,
         home_w: Vector3,
         plan: NavigatorState,

@@ -4,33 +4,19 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
 
-from rover_sim.autopilot.modes import MissionState, Mode
+from rover_sim.autopilot.modes import Mode
 from rover_sim.mavlink.commander import Commander, PendingCommand
 from rover_sim.mavlink.dialect import Message, mavlink
 from rover_sim.mavlink.endpoint import Endpoint, Link
 from rover_sim.mavlink.geodesy import heading_deg
 from rover_sim.mavlink.uploader import Upload, Uploader, UploadState
+from rover_sim.mavlink.vehicle_control import Trouble
+from rover_sim.mavlink.vehicle_watch import VehicleStatus, VehicleWatch
 from rover_sim.mavlink.wire import WireItem
 
 COMPONENT = int(mavlink.MAV_COMP_ID_ONBOARD_COMPUTER)
-LINK_LOST_S = 3.5  # the silence after which QGroundControl gives a vehicle up
-_LAST_TEXTS, _LAST_UPLOADS = 20, 8
-
-
-@dataclass(frozen=True)
-class CompanionStatus:
-    """What the companion has heard of its vehicle; None where it has heard nothing."""
-
-    heard_s: float | None = None  # time of the last heartbeat
-    mode: int | None = None
-    armed: bool = False
-    current: int | None = None
-    mission_state: MissionState | None = None
-    mission_id: int = 0  # of the mission that the vehicle has; 0: none, or it tells no ids
-    reached: tuple[int, ...] = ()  # items of the mission uploaded last
-    texts: tuple[tuple[float, int, str], ...] = ()  # time, severity, text; oldest first
+_LAST_UPLOADS = 8
 
 
 class Companion:
@@ -41,18 +27,13 @@ class Companion:
         self._vehicle = system, target_component
         self._uploader = Uploader(self._send, system, target_component)
         self._commander = Commander(self._send, system, target_component)
-        self._status = CompanionStatus()
-        self._texts: deque[tuple[float, int, str]] = deque(maxlen=_LAST_TEXTS)
-        self._chunks: dict[int, str] = {}
+        self._watch = VehicleWatch()
         self._time_s = 0.0
         self._beat_s: float | None = None
         self._to_drive: Upload | None = None
         self._uploads: deque[Upload] = deque(maxlen=_LAST_UPLOADS)
         self._handlers: Mapping[str, Callable[[Message], None]] = {
-            "HEARTBEAT": self._heartbeat,
-            "MISSION_CURRENT": self._mission_current,
-            "MISSION_ITEM_REACHED": self._reached,
-            "STATUSTEXT": self._text,
+            **self._watch.handlers,
             "MISSION_REQUEST_INT": lambda message: self._uploader.requested(message, self._time_s),
             "MISSION_REQUEST": lambda message: self._uploader.requested(message, self._time_s),
             "MISSION_ACK": lambda message: self._uploader.acknowledged(message, self._time_s),
@@ -60,26 +41,30 @@ class Companion:
         }
 
     @property
-    def status(self) -> CompanionStatus:
+    def status(self) -> VehicleStatus:
         """What is known of the vehicle now."""
-        return replace(self._status, texts=tuple(self._texts))
+        return self._watch.status
 
     @property
     def linked(self) -> bool:
         """Whether the vehicle has been heard lately."""
-        heard = self._status.heard_s
-        return heard is not None and self._time_s - heard <= LINK_LOST_S
+        return self._watch.linked
+
+    @property
+    def trouble(self) -> Trouble | None:
+        """None: our own vehicle is there and ready, and its refusals are the planner's to answer."""
+        return None
 
     @property
     def owns_mission(self) -> bool | None:
         """Whether the vehicle's mission was uploaded here; None without a mission, or where ids are not told."""
-        held = self._status.mission_id
+        held = self.status.mission_id
         return None if held == 0 else any(upload.opaque_id == held for upload in self._uploads)
 
     def upload(self, items: Sequence[WireItem], time_s: float) -> Upload:
         """Send a mission; while another is on its way it waits, and only the newest waits."""
         self._to_drive = None
-        self._status = replace(self._status, reached=())
+        self._watch.forget_progress()
         self._uploads.append(self._uploader.upload(items, time_s))
         return self._uploads[-1]
 
@@ -117,6 +102,7 @@ class Companion:
     def tick(self, time_s: float) -> None:
         """Hear, answer, repeat, and show that we are here."""
         self._time_s = time_s
+        self._watch.look(time_s)
         for client, message in self.endpoint.poll(time_s):
             handler = self._handlers.get(message.get_type())
             if handler is not None and (client.system, client.component) == self._vehicle:
@@ -138,31 +124,10 @@ class Companion:
         """A start before the end of the upload would start the mission before."""
         self._to_drive = None
         if upload.state is UploadState.DONE:
-            if not self._status.armed:
+            if not self.status.armed:
                 self.arm()
-            if self._status.mode != Mode.AUTO:
+            if self.status.mode != Mode.AUTO:
                 self.start_mission()
 
     def _send(self, message: Message) -> None:
         self.endpoint.broadcast(message)
-
-    def _heartbeat(self, message: Message) -> None:
-        armed = bool(message.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED)
-        self._status = replace(self._status, heard_s=self._time_s, mode=message.custom_mode, armed=armed)
-
-    def _mission_current(self, message: Message) -> None:
-        known = message.mission_state in set(MissionState)
-        state = MissionState(message.mission_state) if known else None
-        self._status = replace(self._status, current=message.seq, mission_state=state, mission_id=message.mission_id)
-
-    def _reached(self, message: Message) -> None:
-        if message.seq not in self._status.reached:
-            self._status = replace(self._status, reached=(*self._status.reached, message.seq))
-
-    def _text(self, message: Message) -> None:
-        """A text, put together from its chunks: the last is the one with room left."""
-        whole = self._chunks.pop(message.id, "") + message.text if message.id else message.text
-        if message.id and len(message.text) == 50:
-            self._chunks = {message.id: whole}  # chunks of one text come in a row
-            return
-        self._texts.append((self._time_s, message.severity, whole))
