@@ -25,7 +25,10 @@ from worlds.scenario import (
     load_scenario,
     shipped_scenarios,
 )
+from worlds.sensor_tables import Actuator, Barometer, Encoder, Gnss, Imu, Magnetometer
 from worlds.strict_toml import convert_table, dump_toml, numeric_keys
+
+SENSOR_TABLES = ("imu", "magnetometer", "barometer", "gnss", "encoder", "actuator")
 
 
 def load_text(folder: Path, text: str) -> Scenario:
@@ -84,7 +87,7 @@ def test_dump_has_every_key_and_loads_to_an_equal_scenario(tmp_path: Path) -> No
         assert load_text(tmp_path, text) == scenario
         for key in LIMITS:
             leaf = key.split(".")[-1]
-            optional = key.startswith(("obstacle", "origin", "soil.patch"))
+            optional = key.startswith(("obstacle", "origin", "soil.patch", *SENSOR_TABLES))
             assert optional or f"{leaf} =" in text or f"# {leaf} is not set" in text
 
 
@@ -110,7 +113,19 @@ def test_every_number_has_a_range() -> None:
     soil = SoilChoice(patch=(patch,))
     camera, sensors = Camera(height_m=1.0), Sensors(laser_fails_s=1.0, camera_fails_s=1.0)
     scenario = Scenario(
-        name="x", terrain=terrain, obstacle=(obstacle,), soil=soil, origin=Origin(), camera=camera, sensors=sensors
+        name="x",
+        terrain=terrain,
+        obstacle=(obstacle,),
+        soil=soil,
+        origin=Origin(),
+        camera=camera,
+        sensors=sensors,
+        imu=Imu(roughness_cm3=64.0),
+        magnetometer=Magnetometer(field_uT=(20.0, 0.0, 40.0)),
+        barometer=Barometer(),
+        gnss=Gnss(outages_s=((1.0, 2.0),)),
+        encoder=Encoder(),
+        actuator=Actuator(),
     )
     assert numeric_keys(scenario) == set(LIMITS)
 

@@ -7,9 +7,11 @@ from typing import Literal
 
 import msgspec
 
+from worlds import sensor_tables
 from worlds.errors import ScenarioError
+from worlds.sensor_tables import Actuator, Barometer, Encoder, Gnss, Imu, Magnetometer
 from worlds.soil_file import is_soil_file, load_soil
-from worlds.strict_toml import check_limits, convert_table, dump_toml, read_table
+from worlds.strict_toml import Table, check_limits, convert_table, dump_toml, read_table
 
 MAX_CELLS = (
     26_000_000  # 500 x 500 m at 0.1 m; memory and start-up time: eight bytes a cell in every copy of the heights
@@ -24,14 +26,10 @@ MAP_MARGIN_M = 1.0  # start and goal stay this far inside the map, so that a rov
 _SHIPPED = Path(__file__).parent / "scenarios"
 
 
-class _Table(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """A table of a scenario file: a mistyped key is an error."""
-
-
 GroundTexture = Literal["sand", "ripples", "gravel"]
 
 
-class Terrain(_Table, frozen=True):
+class Terrain(Table, frozen=True):
     """Shape of the ground, and its look close by."""
 
     kind: Literal["flat", "slope", "fractal", "dunes", "crater", "dem"] = "fractal"
@@ -50,7 +48,7 @@ class Terrain(_Table, frozen=True):
     detail_m: float = 0.0  # kind "dem": rms of seeded relief finer than the file's own grid
 
 
-class Rocks(_Table, frozen=True):
+class Rocks(Table, frozen=True):
     """Random rocks by the size-frequency law."""
 
     cfa: float = 0.05
@@ -60,7 +58,7 @@ class Rocks(_Table, frozen=True):
     formations: tuple[int, ...] = (0, 1, 2, 3, 4, 5, 6, 7, 8, 9)  # drawn from with equal odds
 
 
-class Obstacle(_Table, frozen=True):
+class Obstacle(Table, frozen=True):
     """An explicit obstacle; ``radius_m`` of a rock is that of the circle of equal base."""
 
     kind: Literal["cylinder", "rock"]
@@ -73,7 +71,7 @@ class Obstacle(_Table, frozen=True):
     sections: tuple[float, ...] = ()  # of a rock: nine diameters A0..A8 over the largest; none: the formation's own
 
 
-class SoilPatch(_Table, frozen=True):
+class SoilPatch(Table, frozen=True):
     """Another soil within a disc, or within a rectangle whose length lies along ``yaw_deg``."""
 
     kind: Literal["rectangle", "disc"]
@@ -84,7 +82,7 @@ class SoilPatch(_Table, frozen=True):
     yaw_deg: float = 0.0
 
 
-class SoilChoice(_Table, frozen=True):
+class SoilChoice(Table, frozen=True):
     """Which soil the wheels meet; a preset's name or a soil file, relative to this one."""
 
     preset: str = "mars_sand"
@@ -92,7 +90,7 @@ class SoilChoice(_Table, frozen=True):
     patch: tuple[SoilPatch, ...] = ()
 
 
-class RoverChoice(_Table, frozen=True):
+class RoverChoice(Table, frozen=True):
     """Which rover, and where it starts."""
 
     model: str = "husky"
@@ -101,7 +99,7 @@ class RoverChoice(_Table, frozen=True):
     charge: float = 1.0  # of the battery at the start
 
 
-class Goal(_Table, frozen=True):
+class Goal(Table, frozen=True):
     """Where the traverse ends."""
 
     position_m: tuple[float, float] = (20.0, 0.0)
@@ -109,7 +107,7 @@ class Goal(_Table, frozen=True):
     time_limit_s: float = 600.0
 
 
-class Sensors(_Table, frozen=True):
+class Sensors(Table, frozen=True):
     """Which sensors the rover carries beside the camera."""
 
     gnss: bool = True
@@ -119,7 +117,7 @@ class Sensors(_Table, frozen=True):
     camera_fails_s: float | None = None
 
 
-class Camera(_Table, frozen=True):
+class Camera(Table, frozen=True):
     """The rover's camera."""
 
     rate_hz: float = 2.0  # 0: no camera
@@ -131,14 +129,14 @@ class Camera(_Table, frozen=True):
     noise: float = 1.5  # grey levels, one sigma
 
 
-class Sun(_Table, frozen=True):
+class Sun(Table, frozen=True):
     """Where the light comes from; azimuth from +x counter-clockwise."""
 
     azimuth_deg: float = 120.0
     elevation_deg: float = 40.0
 
 
-class Origin(_Table, frozen=True):
+class Origin(Table, frozen=True):
     """Geographic place of the world's x = y = z = 0."""
 
     latitude_deg: float = 38.4064
@@ -149,7 +147,7 @@ class Origin(_Table, frozen=True):
 DEFAULT_ORIGIN = Origin()
 
 
-class Scenario(_Table, frozen=True):
+class Scenario(Table, frozen=True):
     """A whole scenario file."""
 
     name: str
@@ -164,6 +162,12 @@ class Scenario(_Table, frozen=True):
     camera: Camera = Camera()
     sun: Sun = Sun()
     origin: Origin | None = None  # None: that of the elevation file, or the default one
+    imu: Imu | None = None  # these tables: see `worlds.sensor_tables`
+    magnetometer: Magnetometer | None = None
+    barometer: Barometer | None = None
+    gnss: Gnss | None = None
+    encoder: Encoder | None = None
+    actuator: Actuator | None = None
 
 
 # Smallest and largest allowed number of every key; a list's numbers share one range.
@@ -215,6 +219,7 @@ LIMITS: dict[str, tuple[float, float]] = {
     "origin.latitude_deg": (-89.0, 89.0),  # east is undefined at the poles
     "origin.longitude_deg": (-180.0, 180.0),
     "origin.altitude_m": (-12000.0, 30000.0),
+    **sensor_tables.LIMITS,
 }
 
 

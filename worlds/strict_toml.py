@@ -19,6 +19,11 @@ from worlds.errors import ScenarioError
 Limits = Mapping[str, tuple[float, float]]
 S = TypeVar("S", bound=msgspec.Struct)
 
+
+class Table(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """A table of a file: a mistyped key is an error."""
+
+
 _WORDS = {
     "float": "a number",
     "int": "a whole number",

@@ -2,30 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
+from rover_sim.sim.ned_state import STANDARD_GRAVITY_M_S2, NedState
 from rover_sim.sim.simulation import Simulation
 from worlds.geometry import quaternion_from_rotation, rotation_from_quaternion
 from worlds.types import FloatArray, Vector3
 
-STANDARD_GRAVITY_M_S2 = 9.80665  # that every autopilot's estimator assumes, on whatever world the rover drives
+__all__ = ["STANDARD_GRAVITY_M_S2", "NedSampler", "NedState", "ned_state"]
+
 _TO_NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])  # from east-north-up
 _HELD_UP = np.array([0.0, 0.0, STANDARD_GRAVITY_M_S2])  # what a body at rest feels
 _TO_FRD = np.array([1.0, -1.0, -1.0])  # from forward-left-up
-
-
-@dataclass(frozen=True)
-class NedState:
-    """Truth of one instant; position, velocity and acceleration are those of the chassis' centre of mass."""
-
-    time_s: float
-    position_m: Vector3  # north, east, down from where the rover stood at the start
-    velocity_m_s: Vector3  # north, east, down
-    quaternion: tuple[float, float, float, float]  # w, x, y, z: body to north-east-down
-    rate_rad_s: Vector3  # body
-    specific_force_m_s2: Vector3  # body; level and at rest (0, 0, -9.80665)
 
 
 class NedSampler:
