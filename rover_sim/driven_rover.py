@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from rover_sim.sim.rover import RoverModel
     from worlds.types import GroundPlane, PoseEstimate, SensorReadings, Vector3, World
 
-STEPS_PER_S = 240
+STEPS_PER_S = 240  # unless an autopilot from outside wants another rate; what is counted in steps goes with it
 CONTROL_STEPS = 5  # sensors, estimate, autopilot and link at 48 Hz
 TRACE_STEPS = 10  # trace and judge at 24 Hz
 SENSOR_STREAM, CAMERA_STREAM, LASER_STREAM, LINK_STREAM = 101, 102, 103, 104  # of the seed
@@ -54,10 +54,11 @@ class Driver(Protocol):
 class DrivenRover:
     """A rover at rest on a surveyed point, to be stepped; holds a physics client until it is closed."""
 
-    def __init__(self, world: World, rover: RoverModel, driver: Driver) -> None:
+    def __init__(self, world: World, rover: RoverModel, driver: Driver, steps_per_s: int = STEPS_PER_S) -> None:
         gravity_m_s2 = world.scenario.gravity_m_s2
-        self._driver, self.footprint = driver, rover.footprint()
-        self.simulation = Simulation(world, rover, np.random.default_rng([world.seed, SENSOR_STREAM]))
+        self._driver, self.footprint, self._trace_s = driver, rover.footprint(), TRACE_STEPS / steps_per_s
+        sensor_rng = np.random.default_rng([world.seed, SENSOR_STREAM])
+        self.simulation = Simulation(world, rover, sensor_rng, time_step_s=1.0 / steps_per_s)
         self.recorder, self.mobility = TraceRecorder(), MobilityLog(rover, gravity_m_s2)
         self._wheel_names, self._sensor_model = wheel_names(rover), SensorModel(gravity_m_s2=gravity_m_s2)
         readings = self.simulation.read_sensors()
@@ -85,7 +86,7 @@ class DrivenRover:
     def watch(self, narrator: Narrator) -> None:
         """Look for mobility events of the true state and have them told."""
         state = self.simulation.state
-        narrator.tell(state, self.mobility.look(state, TRACE_STEPS / STEPS_PER_S), self._wheel_names)
+        narrator.tell(state, self.mobility.look(state, self._trace_s), self._wheel_names)
 
     def record(self, **more: ArrayLike) -> None:
         """One row of the trace, with more columns of the caller's."""

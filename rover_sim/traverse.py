@@ -94,18 +94,26 @@ def open_traverse(world: World, rover: RoverModel, options: RunOptions, tlog: Pa
 class Traverse:
     """A rover in its world, ready to drive; a context manager, as it holds a link and a physics client."""
 
-    def __init__(self, world: World, rover: RoverModel, driver: Driver, link: PlannerLink, options: RunOptions) -> None:
-        """``link`` is closed with the traverse, or at once if there can be none."""
+    def __init__(
+        self,
+        world: World,
+        rover: RoverModel,
+        driver: Driver,
+        link: PlannerLink,
+        options: RunOptions,
+        steps_per_s: int = STEPS_PER_S,
+    ) -> None:
+        """``link`` is closed with the traverse, or at once if there can be none; ``steps_per_s``: of the physics."""
         scenario = world.scenario
         self.world, self._options = world, options
         self._camera = rover.camera(scenario.camera)
         self._camera_rng = np.random.default_rng([world.seed, CAMERA_STREAM])
         self._classes, self._judge = ClassScore(), Judge(Limits(touch_ends=options.any_touch_ends))
-        self._eyes = eyes(scenario, STEPS_PER_S) if options.way is None else {}
-        self._stack, self._steps = link, 0
+        self._eyes = eyes(scenario, steps_per_s) if options.way is None else {}
+        self._stack, self._steps, self._steps_per_s = link, 0, steps_per_s
         try:
             check_start(world, rover.footprint())
-            self._rover = DrivenRover(world, rover, driver)
+            self._rover = DrivenRover(world, rover, driver, steps_per_s)
             self._renderer = make_renderer(world, self.simulation.ruts) if "camera" in self._eyes else None
             scanner_rng = np.random.default_rng([world.seed, LASER_STREAM])
             self._scanner = LaserScanner(world, rover.laser(), scanner_rng) if "laser" in self._eyes else None
@@ -209,7 +217,7 @@ class Traverse:
         plan = navigator.begin(
             goal.position_m, goal.radius_m, self._rover.footprint, scenario.rover.start_m, model=model, area=area
         )
-        periods = {name: eye.steps / STEPS_PER_S for name, eye in self._eyes.items()}
+        periods = {name: eye.steps / self._steps_per_s for name, eye in self._eyes.items()}
         knowledge = load_knowledge("rendered")
         return OnboardComputer(self._stack.companion, self._stack.frame, home(self.world), plan, knowledge, periods)
 
@@ -221,7 +229,7 @@ class Traverse:
 
     def _see(self, step: int, on_sight: Callable[[Sight], None]) -> bool:
         """Use the eyes whose time it is; whether any was."""
-        due = [name for name, eye in self._eyes.items() if eye.due(step, STEPS_PER_S)]
+        due = [name for name, eye in self._eyes.items() if eye.due(step, self._steps_per_s)]
         if self._computer is None:
             return False
         if "camera" in due and self._renderer is not None:
@@ -274,7 +282,7 @@ class Traverse:
 
     def _observe(self) -> tuple[Reason, str] | None:
         """Record the true state and judge it."""
-        state, step_s = self.simulation.state, TRACE_STEPS / STEPS_PER_S
+        state, step_s = self.simulation.state, TRACE_STEPS / self._steps_per_s
         self._rover.watch(self._stack.narrator)
         self._record()
         contacts, wheel_touched = self.simulation.take_contacts(), self.simulation.take_wheel_touch()
