@@ -8,12 +8,12 @@ of length L takes the waves shorter than it, so the band ends at v / L, where mo
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import pi, sin, sqrt
 
 import numpy as np
 
-from rover_sim.sim.noise import ComplexArray, ring
+from rover_sim.sim.noise import ring
 from worlds.scenario import GroundTexture
 from worlds.sensor_tables import Imu
 from worlds.types import FloatArray
@@ -23,7 +23,7 @@ ROUGHNESS_CM3: dict[GroundTexture, float] = {"sand": 64.0, "ripples": 256.0, "gr
 _REFERENCE_PER_M = 0.1
 _DAMPING = 0.3  # a wide band
 _AXES = np.array([0.5, 0.5, 1.0])  # share of the vertical shaking that is felt along each body axis; ours
-_LEVER_M = np.array([0.3, 0.3, np.inf])  # over which vertical shaking rolls and pitches the body; ours
+_LEVER_M = 0.3  # over which vertical shaking rolls and pitches the body; ours
 _LEAST_M_S = 1e-3
 
 
@@ -41,7 +41,8 @@ class Ground:
 class Shake:
     """State of the shaking."""
 
-    band: ComplexArray  # (6,) unit variance: three accelerations, three rates
+    band: FloatArray  # (2, 5) as of `noise.ring`: along three axes, roll, pitch
+    motion: FloatArray  # (6,) of the shaking, body axes: velocity (m/s) and angle (rad)
     lug_turns: float = 0.0
 
 
@@ -58,20 +59,24 @@ def shake_rms(roughness_m3: float, contact_m: float) -> float:
 
 def begin(rng: np.random.Generator) -> Shake:
     """The shaking of a rover that stands: its phase is drawn, its size is zero."""
-    draws = rng.standard_normal((2, 6))
-    return Shake(draws[0] + 1j * draws[1])
+    return Shake(rng.standard_normal((2, 5)), np.zeros(6))
 
 
 def shake(
     state: Shake, ground: Ground, speed_m_s: float, span_s: float, rng: np.random.Generator
 ) -> tuple[Shake, FloatArray, FloatArray]:
-    """The state ``span_s`` later, and acceleration (3,) and rate (3,) of the shaking, body axes."""
+    """The state ``span_s`` later, and acceleration (3,) and rate (3,) of the shaking, body axes.
+
+    Both are means over the span, as of a sensor that integrates: sampled, they would alias to a drift.
+    """
     speed = max(speed_m_s, _LEAST_M_S)
     frequency = speed / ground.contact_m
     band = ring(state.band, frequency, _DAMPING, span_s, rng)
     turns = (state.lug_turns + speed_m_s * span_s / ground.lug_pitch_m) % 1.0
-    size = ground.rms_m_s2 * speed_m_s**2
-    acceleration = size * _AXES * band.real[:3]
-    acceleration[2] += ground.lug_m_s2 * speed_m_s**2 * sin(2.0 * pi * turns)
-    rate = size / (2.0 * pi * frequency) / _LEVER_M * band.imag[3:]
-    return replace(state, band=band, lug_turns=turns), acceleration, rate
+    size, omega = ground.rms_m_s2 * speed_m_s**2, 2.0 * pi * frequency
+    motion = np.zeros(6)
+    motion[:3] = size / omega * _AXES * band[0, :3]
+    motion[3:5] = size / omega**2 / _LEVER_M * band[0, 3:]
+    mean = (motion - state.motion) / span_s
+    mean[2] += ground.lug_m_s2 * speed_m_s**2 * sin(2.0 * pi * turns)
+    return Shake(band, motion, turns), mean[:3], mean[3:]

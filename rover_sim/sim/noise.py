@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from math import exp, pi, sqrt
+from math import cos, exp, pi, sin, sqrt
 from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from worlds.types import FloatArray
 
-ComplexArray = NDArray[np.complex128]
 Value = TypeVar("Value", float, FloatArray)
 
 # Largest Allan deviation of a first-order Gauss-Markov process over its standard deviation, at 1.89 of its times
@@ -39,14 +37,18 @@ def wander(value: Value, sd: Value, time_s: float, span_s: float, draw: Value) -
     return kept * value + sqrt(1.0 - kept * kept) * sd * draw
 
 
-def ring(
-    value: ComplexArray, frequency_Hz: float, damping: float, span_s: float, rng: np.random.Generator
-) -> ComplexArray:
-    """Complex noise (n,) around a frequency, ``span_s`` later; its real part is of variance one.
+def ring(value: FloatArray, frequency_Hz: float, damping: float, span_s: float, rng: np.random.Generator) -> FloatArray:
+    """Noise of a damped oscillator (2, n), ``span_s`` later: place times angular frequency, and speed, of variance one.
 
-    ``damping``: half of the band's width over its frequency.
+    The speed has no part of frequency zero, so an acceleration made of it leads nowhere. Exact for any span.
     """
-    omega = 2.0 * pi * frequency_Hz
-    kept = np.exp(complex(-damping * omega, omega) * span_s)
-    draws = rng.standard_normal((2, len(value)))
-    return np.asarray(kept * value + sqrt(max(1.0 - abs(kept) ** 2, 0.0)) * (draws[0] + 1j * draws[1]))
+    omega, slow = 2.0 * pi * frequency_Hz, sqrt(1.0 - damping**2)
+    s, c = sin(omega * slow * span_s) / slow, cos(omega * slow * span_s)
+    moved = exp(-damping * omega * span_s) * np.array([[c + damping * s, s], [-s, c - damping * s]])
+    # Its covariance is the unit matrix at all times, so the new part is what the old one lacks.
+    (a, b), (_, d) = (np.eye(2) - moved @ moved.T).tolist()
+    first = sqrt(max(a, 0.0))
+    mixed = b / first if first > 0.0 else 0.0
+    draws = rng.standard_normal(value.shape)
+    new = np.array([[first, 0.0], [mixed, sqrt(max(d - mixed**2, 0.0))]]) @ draws
+    return np.asarray(moved @ value + new)
