@@ -34,7 +34,7 @@ def turn(vector: FloatArray) -> FloatArray:
     if angle < 1e-12:
         return np.eye(3)
     k = cross(vector / angle)
-    return np.eye(3) + np.sin(angle) * k + (1.0 - np.cos(angle)) * k @ k
+    return np.asarray(np.eye(3) + np.sin(angle) * k + (1.0 - np.cos(angle)) * k @ k)
 
 
 def circling(time_s: float) -> NedState:

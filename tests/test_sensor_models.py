@@ -50,7 +50,7 @@ def allan_deviation(rows: FloatArray, averaged: int) -> FloatArray:
     """Overlapping Allan deviation (channels,) of samples (n, channels) at ``averaged`` samples (IEEE Std 952-1997)."""
     sums = np.vstack([np.zeros(rows.shape[1]), np.cumsum(rows, axis=0)])
     means = (sums[averaged:] - sums[:-averaged]) / averaged
-    return np.sqrt(0.5 * np.mean((means[averaged:] - means[:-averaged]) ** 2, axis=0))
+    return np.asarray(np.sqrt(0.5 * np.mean((means[averaged:] - means[:-averaged]) ** 2, axis=0)))
 
 
 def test_allan_deviation_of_a_still_record_begins_with_the_stated_noise_density() -> None:
