@@ -131,6 +131,10 @@ class Traverse:
         return self
 
     def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """End physics and link."""
         self._rover.close()
         self._stack.close()
 

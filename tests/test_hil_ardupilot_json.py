@@ -80,6 +80,10 @@ def test_left_is_servo_1_and_right_is_servo_3() -> None:
     assert side_shares(ServoPacket(240, 1, tuple(pwm))) == (1.0, -0.5)
 
 
+def test_outputs_that_are_not_driven_turn_no_wheel() -> None:
+    assert side_shares(ServoPacket(240, 1, (0,) * 16)) == (0.0, 0.0)
+
+
 def test_the_state_is_the_line_of_the_reference() -> None:
     """The example of ArduPilot's format, byte for byte."""
     assert state_message(0.005, AT_REST) == (
