@@ -54,7 +54,7 @@ def measure_turn(setup: Setup, radius_in_tracks: float) -> TurnPoint:
         drift = _drift(simulation, speeds, setup) if radius == 0.0 else None
         drive(simulation, speeds, _RUN_IN_WAY * wheelbase_s)
         stretch = drive(simulation, speeds, _MEASURED_WAY * wheelbase_s)
-    turned = _turned(stretch)
+    turned = turned_rad(stretch)
     yaw_rate = turned / stretch.time_s
     turning = yaw_rate > 0.01 * (right - left) / track
     return TurnPoint(
@@ -86,11 +86,11 @@ def _drift(simulation: Simulation, speeds: list[float], setup: Setup) -> float |
     while turned < TURNS * 2.0 * pi:
         if simulation.time_s > seconds:
             return None
-        turned += _turned(drive(simulation, speeds, 0.0))
+        turned += turned_rad(drive(simulation, speeds, 0.0))
     return float(np.linalg.norm(simulation.state.pose.position_w[:2] - begin))
 
 
-def _turned(stretch: Stretch) -> float:
+def turned_rad(stretch: Stretch) -> float:
     """Yaw (rad) from the first to the last sample, whole turns counted."""
     yaws = [euler_from_quaternion(state.pose.quaternion_w)[2] for state in stretch.states]
     unwrapped = np.unwrap(yaws)
