@@ -2,12 +2,20 @@
 
 from __future__ import annotations
 
+import select
 import time
 
 
 def unix_time_s() -> float:
     """Seconds since 1970: message signing goes by it, since both sides must."""
     return time.time()
+
+
+def wait_for_news(handles: tuple[int, ...], seconds: float) -> float:
+    """Wait until one of some files has news, at most so long; the seconds passed."""
+    start = time.perf_counter()
+    select.select(handles, [], [], max(0.0, seconds))
+    return time.perf_counter() - start
 
 
 class WallClock:

@@ -139,10 +139,11 @@ class TcpClient(_TcpLink):
 
 
 class TcpServer(_TcpLink):
-    """A listening port; every client is a peer."""
+    """A listening port; every client is a peer, and those beyond ``most_clients`` wait for their turn."""
 
-    def __init__(self, url: LinkUrl) -> None:
+    def __init__(self, url: LinkUrl, most_clients: int = _MOST_CLIENTS) -> None:
         super().__init__()
+        self._most_clients = most_clients
         self._listener = bound(url, socket.SOCK_STREAM)
         self._listener.listen()
 
@@ -153,7 +154,7 @@ class TcpServer(_TcpLink):
 
     def receive(self, time_s: float) -> list[tuple[str, bytes]]:
         """Bytes since the last call; new clients are taken in here."""
-        while len(self._connections) < _MOST_CLIENTS:
+        while len(self.peers(time_s)) < self._most_clients:
             try:
                 link, address = self._listener.accept()
             except OSError:  # nobody waits, or whoever did has gone
@@ -163,7 +164,7 @@ class TcpServer(_TcpLink):
 
     def handles(self) -> tuple[int, ...]:
         """The connections, and the port as long as there is room for more."""
-        room = len(self._connections) < _MOST_CLIENTS
+        room = len(self._connections) < self._most_clients
         return (*super().handles(), *([self._listener.fileno()] if room else []))
 
     def close(self) -> None:
