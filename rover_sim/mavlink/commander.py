@@ -36,7 +36,7 @@ class Commander:
 
     def __init__(self, send: Callable[[Message], None], system: int, component: int) -> None:
         self._send = send
-        self._target = system, component
+        self.target = system, component
         self._queue: deque[PendingCommand] = deque()
         self._sent_s: float | None = None
         self._tries = 0
@@ -58,7 +58,7 @@ class Commander:
             return
         pending = self._queue[0]
         self._send(
-            mavlink.MAVLink_command_long_message(*self._target, pending.command, self._tries, *pending.parameters)
+            mavlink.MAVLink_command_long_message(*self.target, pending.command, self._tries, *pending.parameters)
         )
         self._sent_s = time_s
         self._tries += 1

@@ -2,8 +2,7 @@
 
 pymavlink's connection layer (``mavutil``) is not used: it picks the wire version from the environment, keeps one
 dialect a process and cannot answer a single UDP peer. The dialect is ``development``, which is ``common`` and the
-messages about modes (435 to 437): the rover sends and understands
-nothing outside it.
+messages about modes (435 to 437), with what ``extensions.py`` adds: the rover sends and understands nothing outside it.
 """
 
 from __future__ import annotations
@@ -12,17 +11,19 @@ from typing import Any, Protocol
 
 from pymavlink.dialects.v20 import development as mavlink
 
-from rover_sim.mavlink.extensions import mission_ack, mission_count, mission_current
+from rover_sim.mavlink.extensions import EkfStatusReport, ekf_status_report, mission_ack, mission_count, mission_current
 
 __all__ = [
     "MAVLINK_1",
     "MAVLINK_2",
     "SIGNATURE_BYTES",
     "SIGNED_FLAG",
+    "EkfStatusReport",
     "Message",
     "Packer",
     "Parser",
     "Signer",
+    "ekf_status_report",
     "is_signed",
     "mavlink",
     "mission_ack",

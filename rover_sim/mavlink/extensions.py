@@ -1,6 +1,6 @@
-"""Fields of MAVLink's common dialect that pymavlink's release does not have yet: ids of plans.
+"""What our dialect lacks: ids of plans, which pymavlink's release does not have yet, and ArduPilot's EKF_STATUS_REPORT.
 
-A receiver that does not know them reads the rest of the message as before.
+A receiver that does not know the ids reads the rest of the message as before.
 """
 
 from __future__ import annotations
@@ -61,3 +61,44 @@ def mission_ack(system: int, component: int, result: int, kind: int, opaque_id: 
 def mission_current(seq: int, total: int, state: int, mode: int, ids: tuple[int, int, int]) -> Any:
     """MISSION_CURRENT; ``ids`` of mission, fence and rally points."""
     return _Current(seq, total, state, mode, *ids)
+
+
+class EkfStatusReport(mavlink.MAVLink_message):  # type: ignore[misc]
+    """EKF_STATUS_REPORT (193) of ``ardupilotmega.xml``: which estimates an ArduPilot's filter has, as flag bits."""
+
+    id = 193
+    msgname = "EKF_STATUS_REPORT"
+    _VARIANCES = ("velocity_variance", "pos_horiz_variance", "pos_vert_variance", "compass_variance")
+    ordered_fieldnames: ClassVar[list[str]] = [*_VARIANCES, "terrain_alt_variance", "flags", "airspeed_variance"]
+    fieldnames: ClassVar[list[str]] = ["flags", *_VARIANCES, "terrain_alt_variance", "airspeed_variance"]
+    fieldtypes: ClassVar[list[str]] = ["uint16_t", *["float"] * 6]
+    fielddisplays_by_name: ClassVar[dict[str, str]] = {"flags": "bitmask"}
+    fieldenums_by_name: ClassVar[dict[str, str]] = {}
+    fieldunits_by_name: ClassVar[dict[str, str]] = {}
+    native_format = b"<fffffHf"
+    orders: ClassVar[list[int]] = [5, 0, 1, 2, 3, 4, 6]
+    lengths: ClassVar[list[int]] = [1] * 7
+    array_lengths: ClassVar[list[int]] = [0] * 7
+    crc_extra = 71
+    unpacker = struct.Struct("<fffffHf")
+    instance_field = None
+    instance_offset = -1
+
+    def __init__(self, flags: int, *variances: float) -> None:
+        super().__init__(self.id, self.msgname)
+        self._fieldnames = self.fieldnames
+        self.__dict__.update(zip(self.fieldnames, (flags, *variances, *(0.0,) * (6 - len(variances))), strict=True))
+
+    def pack(self, mav: Any, force_mavlink1: bool = False) -> bytes:
+        """The frame; MAVLink 1 leaves the last field out."""
+        payload = self.unpacker.pack(*(getattr(self, name) for name in self.ordered_fieldnames))
+        frame: bytes = self._pack(mav, self.crc_extra, payload, force_mavlink1=force_mavlink1)
+        return frame
+
+
+mavlink.mavlink_map[EkfStatusReport.id] = EkfStatusReport
+
+
+def ekf_status_report(flags: int) -> Any:
+    """EKF_STATUS_REPORT with its flags; the variances are 0."""
+    return EkfStatusReport(flags)

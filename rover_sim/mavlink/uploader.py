@@ -23,6 +23,10 @@ _RESULTS = {
     mavlink.MAV_MISSION_UNSUPPORTED: "command not supported",
     mavlink.MAV_MISSION_NO_SPACE: "too many items",
     mavlink.MAV_MISSION_INVALID: "invalid item",
+    **{mavlink.MAV_MISSION_INVALID_PARAM1 + number: f"parameter {number + 1} not possible" for number in range(4)},
+    mavlink.MAV_MISSION_INVALID_PARAM5_X: "latitude not possible",
+    mavlink.MAV_MISSION_INVALID_PARAM6_Y: "longitude not possible",
+    mavlink.MAV_MISSION_INVALID_PARAM7: "altitude not possible",
     mavlink.MAV_MISSION_DENIED: "denied: another ground station is transferring",
     mavlink.MAV_MISSION_OPERATION_CANCELLED: "cancelled by the vehicle",
 }
@@ -46,6 +50,8 @@ class Upload:
     state: UploadState = UploadState.SENDING
     reason: str = ""
     opaque_id: int = 0  # that the vehicle gives it
+    result: int | None = None  # MAV_MISSION_RESULT of a refusal
+    refused_item: int | None = None  # sent last before the refusal
 
 
 class Uploader:
@@ -53,7 +59,7 @@ class Uploader:
 
     def __init__(self, send: Callable[[Message], None], system: int, component: int) -> None:
         self._send = send
-        self._target = system, component
+        self.target = system, component
         self._active: Upload | None = None
         self._waiting: Upload | None = None
         self._count = 0
@@ -104,6 +110,7 @@ class Uploader:
         if message.type == mavlink.MAV_MISSION_INVALID_SEQUENCE:
             return
         if message.type != mavlink.MAV_MISSION_ACCEPTED:
+            self._active.result, self._active.refused_item = message.type, self._last
             self._end(UploadState.FAILED, _RESULTS.get(message.type, f"refused with result {message.type}"), time_s)
         elif not self._active.items or self._last == len(self._active.items) - 1:
             self._active.opaque_id = message.opaque_id or self._active.opaque_id
@@ -119,9 +126,9 @@ class Uploader:
         self._last, self._sent_s = seq, time_s
         items = self._active.items
         if seq is None:
-            self._send(mavlink.MAVLink_mission_count_message(*self._target, len(items)))
+            self._send(mavlink.MAVLink_mission_count_message(*self.target, len(items)))
         else:
-            self._send(items[seq].message(*self._target, seq))
+            self._send(items[seq].message(*self.target, seq))
 
     def _end(self, state: UploadState, reason: str, time_s: float) -> None:
         if self._active is not None:

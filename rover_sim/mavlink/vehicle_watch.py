@@ -64,6 +64,10 @@ class VehicleWatch:
         """Another mission: what was reached belonged to the one before."""
         self._status = replace(self._status, reached=())
 
+    def forget_state(self) -> None:
+        """Another mission is begun: the state told last belonged to the one before."""
+        self._status = replace(self._status, mission_state=None)
+
     def _heartbeat(self, message: Message) -> None:
         armed = bool(message.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED)
         mode = self.mode_of(message.custom_mode)
