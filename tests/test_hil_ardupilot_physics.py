@@ -9,9 +9,10 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from rover_sim.hil.ardupilot import ArduPilotSession, Driven
+from rover_sim.hil.ardupilot import ArduPilotSession
 from rover_sim.hil.lockstep import Lockstep
 from rover_sim.hil.outputs import OutputDriver
+from rover_sim.hil.session import Driven
 from rover_sim.outcome import Reason
 from rover_sim.sim.rover import load_rover
 from rover_sim.sim.simulation import Simulation

@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 
 from rover_sim.errors import LinkError
-from rover_sim.hil.ardupilot import ArduPilotSession, Driven, Watchers
+from rover_sim.hil.ardupilot import ArduPilotSession
 from rover_sim.hil.lockstep import Datagram, Lockstep
 from rover_sim.hil.outputs import OutputDriver
 from rover_sim.hil.servo_port import ServoPort
+from rover_sim.hil.session import Driven, Watchers
 from rover_sim.outcome import Reason
 from rover_sim.sim.rover import load_rover
 from rover_sim.traverse import Stepped, Traverse

@@ -3,25 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any, Protocol, Self
 
 from rover_sim.driven_rover import STEPS_PER_S
 from rover_sim.errors import LinkError
 from rover_sim.hil.ardupilot_json import ServoPacket, side_shares, state_message
 from rover_sim.hil.lockstep import Datagram, Lockstep, Peer, Request
-from rover_sim.hil.outputs import OutputDriver
+from rover_sim.hil.session import NOBODY, Driven, End, Watchers
 from rover_sim.hil.states import NedSampler
-from rover_sim.onboard import Sight
 from rover_sim.outcome import Reason
-from rover_sim.traverse import Status, Traverse
+from rover_sim.traverse import Traverse
 
 # A packet that crossed its reply has the next one right behind it: the autopilot paces itself by pauses of 5 to 10 ms.
 GRACE_S = 0.05
 _RATE_SLACK_HZ = 2  # it rounds, and creeps by 1 Hz a step
 _LOOK_S = 0.25  # how often a wish to stop is looked at while nothing comes
-
-End = tuple[Reason, str]
 
 
 class Port(Protocol):
@@ -40,24 +36,6 @@ class Port(Protocol):
         ...
 
 
-@dataclass(frozen=True)
-class Driven:
-    """A traverse whose wheels turn as they are told from outside."""
-
-    traverse: Traverse
-    outputs: OutputDriver
-
-
-@dataclass(frozen=True)
-class Watchers:
-    """Who hears of a session as it goes."""
-
-    show: Callable[[Status], None] = lambda _: None
-    stopped: Callable[[], bool] = lambda: False
-    on_sight: Callable[[Sight], None] = lambda _: None
-    say: Callable[[str], None] = lambda _: None  # a line that the user should read
-
-
 class ArduPilotSession:
     """One traverse under an autopilot outside; it begins anew whenever the autopilot does. A context manager."""
 
@@ -68,7 +46,7 @@ class ArduPilotSession:
         begin: Callable[[], Driven],
         clock_s: Callable[[], float],
         wait_s: float,
-        watchers: Watchers = Watchers(),
+        watchers: Watchers = NOBODY,
     ) -> None:
         """``clock_s``: wall time of the one who waits; ``wait_s``: silence after which there is no autopilot."""
         self._port, self._lockstep, self._clock_s, self._wait_s = port, lockstep, clock_s, wait_s
