@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import select
 import time
+from array import array
 
 
 def unix_time_s() -> float:
@@ -55,3 +56,35 @@ class RealTime:
         if late_s > self._forgiven_s:
             self._behind_s += late_s
         return -late_s
+
+
+class Beat:
+    """How steadily something happens that should happen at even intervals of wall time."""
+
+    def __init__(self) -> None:
+        self._intervals_s = array("d")
+        self._last_s: float | None = None
+
+    def tick(self) -> None:
+        """It happens."""
+        now_s = time.perf_counter()
+        if self._last_s is not None:
+            self._intervals_s.append(now_s - self._last_s)
+        self._last_s = now_s
+
+    def pause(self) -> None:
+        """The time until the next tick is none of the intervals."""
+        self._last_s = None
+
+    def figures(self) -> dict[str, float] | None:
+        """Rate (Hz), and of the intervals the median, the 99th of 100 and the longest (ms); None before two ticks."""
+        if not self._intervals_s:
+            return None
+        ordered = sorted(self._intervals_s)
+        count = len(ordered)
+        return {
+            "rate_hz": round(count / sum(ordered), 2),
+            "median_ms": round(1e3 * ordered[count // 2], 3),
+            "p99_ms": round(1e3 * ordered[min(count - 1, 99 * count // 100)], 3),
+            "longest_ms": round(1e3 * ordered[-1], 3),
+        }

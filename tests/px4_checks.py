@@ -73,11 +73,14 @@ class Believed:
 class Checks:
     """Takes the simulator's messages one by one; raises ViolationError for the first that is wrong."""
 
-    def __init__(self, *, truth_usec: int = 5000, gnss: bool = True) -> None:
-        """``truth_usec``: interval of HIL_STATE_QUATERNION that is asked for; ``gnss``: whether fixes must come."""
+    def __init__(self, *, truth_usec: int = 5000, gnss: bool = True, at_rest: bool = True) -> None:
+        """``truth_usec``: interval of HIL_STATE_QUATERNION that is asked for; ``gnss``: whether fixes must come.
+
+        ``at_rest``: whether the rover stands still, upright, when this PX4 starts.
+        """
         self.believed = Believed()
         self.truth_asked = False
-        self._truth_usec, self._gnss = truth_usec, gnss
+        self._truth_usec, self._gnss, self._rest_usec = truth_usec, gnss, 400_000 if at_rest else 0
         self._first_usec = 0
         self._takers: Mapping[str, Callable[[Message], None]] = {
             "HIL_SENSOR": self._sensor,
@@ -132,7 +135,7 @@ class Checks:
         most, fastest = float(np.abs(believed.acceleration).max()), float(np.abs(believed.rate).max())
         require(most < 16.0 * 9.80665, f"acceleration of {most:g} m/s2")
         require(fastest < math.radians(2000.0), f"rate of {fastest:g} rad/s")
-        if self.elapsed_usec < 400_000:  # the rover has not moved yet, and stands upright
+        if self.elapsed_usec < self._rest_usec:
             total = float(np.linalg.norm(believed.acceleration))
             require(abs(total - 9.80665) < 1.0, f"at rest it feels {total:.2f} m/s2 instead of 9.81")
             require(believed.acceleration[2] < -8.0, f"at rest zacc = {believed.acceleration[2]:.2f}: z is down")
@@ -191,7 +194,7 @@ class Checks:
         require(abs(length - 1.0) < 1e-3, f"attitude_quaternion of length {length:g}")
         believed.truth, believed.truth_usec, believed.truths = message, believed.clock_usec, believed.truths + 1
         rotation = body_to_ned(tuple(message.attitude_quaternion))
-        if believed.sensors and self.elapsed_usec < 400_000:
+        if believed.sensors and self.elapsed_usec < self._rest_usec:
             north, east, down = (rotation @ believed.acceleration).tolist()
             felt = f"{north:.2f}, {east:.2f}, {down:.2f} m/s2 north-east-down"
             require(math.hypot(north, east) < 1.5 and down < -8.0, f"at rest it feels {felt}")

@@ -21,6 +21,7 @@ from tests.px4_checks import STEP_USEC, Checks, ViolationError, require
 
 ARMED, CUSTOM = 128, 1
 RETRY_S = 0.0005  # between two attempts to connect
+POLL_S = 0.05
 
 
 @dataclass(frozen=True)
@@ -62,8 +63,9 @@ class Px4Double:
         silent_usec: tuple[tuple[int, int], ...] = (),
         asks_truth: bool = True,
         gnss: bool = True,
+        at_rest: bool = True,
     ) -> None:
-        self.checks = Checks(gnss=gnss)
+        self.checks = Checks(gnss=gnss, at_rest=at_rest)
         self.answers = 0
         self.armed = False
         self._controller, self._period_usec, self._lockstep = controller, period_usec, lockstep
@@ -242,14 +244,17 @@ class Px4Process:
                 return link
 
     def _talk(self, link: socket.socket) -> None:
-        link.settimeout(1.0)
+        link.settimeout(POLL_S)
         link.sendall(self.px4.begin())
+        silent_since_s = time.monotonic()
         while not self._stop.is_set():
             try:
                 data = link.recv(2048)
             except TimeoutError:
-                self.poll_timeouts += 1
+                if time.monotonic() - silent_since_s >= 1.0:
+                    self.poll_timeouts, silent_since_s = self.poll_timeouts + 1, time.monotonic()
                 continue
+            silent_since_s = time.monotonic()
             if not data:
                 return  # the simulator has gone; a real PX4 does not connect a second time
             answer = self.px4.feed(data)

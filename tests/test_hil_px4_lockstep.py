@@ -32,7 +32,7 @@ class Rig:
     def __init__(self, link: MemoryPx4, *, gnss: bool = True) -> None:
         self.world: World = make_world(slope(0.0), gnss=gnss)
         self.link, self.suite = link, SensorSuite(self.world)
-        self.peer = Px4Peer(link, LocalFrame(self.world.origin), (0.0, 0.0, 0.0))
+        self.peer = Px4Peer(link, LocalFrame(self.world.origin), (0.0, 0.0, 0.0), "memory")
         self.step_number = 0
         self.peer.listen()
 
@@ -126,12 +126,12 @@ def test_px4_restarts_and_is_served_anew() -> None:
     assert rig.peer.side_shares == (0.5, 0.5)
     link.disconnect()
     rig.peer.listen()
-    assert (rig.peer.connected, rig.peer.speaks, rig.peer.side_shares) == (False, False, (0.0, 0.0))
+    assert (rig.peer.connected, rig.peer.lacks, rig.peer.side_shares) == (False, "PX4 at memory", (0.0, 0.0))
     px4 = Px4Double(armed_from(1.0, 0.1, 0.2))
     link.connect(px4)
     rig.peer.listen()
     rig.run(2.0)
-    assert rig.peer.speaks
+    assert rig.peer.lacks == ""
     assert rig.peer.side_shares == pytest.approx((0.2, 0.1))
     assert px4.checks.believed.sensors == 2 * STEPS_PER_S
 

@@ -38,9 +38,11 @@ BOARD = Profile(lockstep=False, truth=False, heartbeat=True)
 class Px4Peer:
     """One PX4 at a time; a new connection is a new PX4, and the wheels stand until it has said how to turn them."""
 
-    def __init__(self, transport: Transport, frame: LocalFrame, start_w: Vector3, profile: Profile = PROGRAM) -> None:
-        """``start_w``: where the rover's north-east-down frame has its zero."""
-        self.lockstep, self.profile = Lockstep(), profile
+    def __init__(
+        self, transport: Transport, frame: LocalFrame, start_w: Vector3, where: str, profile: Profile = PROGRAM
+    ) -> None:
+        """``start_w``: where the rover's north-east-down frame has its zero; ``where``: the link, for messages."""
+        self.lockstep, self.profile, self._where = Lockstep(), profile, where
         self._transport, self._frame, self._start_w = transport, frame, start_w
         self._time_usec = 0
         self._begin(None)
@@ -51,9 +53,15 @@ class Px4Peer:
         return self._peer is not None
 
     @property
-    def speaks(self) -> bool:
-        """Whether whoever is on the link has shown to be a PX4."""
-        return self._heard
+    def lacks(self) -> str:
+        """What is still waited for before the first step, in words; empty where nothing is."""
+        if self._peer is None:
+            return f"PX4 at {self._where}"
+        if not self._heard:
+            return f"a HEARTBEAT of PX4 at {self._where}"
+        if self.profile.heartbeat and not self._in_hil:
+            return f"HIL mode of the PX4 at {self._where} (its parameter SYS_HITL must be 1 from its start)"
+        return ""
 
     @property
     def side_shares(self) -> tuple[float, float]:
@@ -103,7 +111,7 @@ class Px4Peer:
         self._transport.close()
 
     def _begin(self, peer: str | None) -> None:
-        self._peer, self._heard, self._truth_usec = peer, False, 0
+        self._peer, self._heard, self._in_hil, self._truth_usec = peer, False, False, 0
         self._parser, self._packer = Parser(), Packer(px4_messages.SYSTEM, px4_messages.COMPONENT)
         self.lockstep.restart()
 
@@ -148,7 +156,8 @@ class Px4Peer:
     def _hear(self, message: Message) -> None:
         kind = message.get_type()
         if kind == "HEARTBEAT":
-            self._heard = self._heard or message.autopilot == mavlink.MAV_AUTOPILOT_PX4
+            if message.autopilot == mavlink.MAV_AUTOPILOT_PX4:
+                self._heard, self._in_hil = True, bool(message.base_mode & mavlink.MAV_MODE_FLAG_HIL_ENABLED)
         elif kind == "COMMAND_LONG":
             self._truth_usec = px4_messages.asked_interval(message, self._truth_usec)
         elif kind == "HIL_ACTUATOR_CONTROLS":

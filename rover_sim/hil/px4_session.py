@@ -1,0 +1,121 @@
+"""Our world as the simulator of PX4: sensors out, controls in, one step of the traverse; at 250 Hz."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from math import isfinite
+from typing import Any
+
+from rover_sim.errors import LinkError
+from rover_sim.hil.px4_messages import STEP_USEC
+from rover_sim.hil.px4_peer import Px4Peer, Wait
+from rover_sim.hil.session import NOBODY, Driven, End, Watchers
+from rover_sim.hil.states import NedSampler
+from rover_sim.outcome import Reason
+from rover_sim.pacing import Beat, WallClock
+from rover_sim.sim.ned_state import NedState
+from rover_sim.sim.sensor_suite import SensorSuite
+
+STEPS_PER_S = 1_000_000 // STEP_USEC
+_LOOK_S = 0.25  # how often a wish to stop is looked at while nothing comes
+_GREETING_S = 1.0
+
+
+@dataclass(frozen=True)
+class Clockwork:
+    """Wall time, passed in."""
+
+    wait: Wait  # for news
+    left_s: Callable[[float], float]  # wall time left until a simulated time
+    patience_s: float  # without a PX4
+
+
+class Px4Session:
+    """One traverse under a PX4; one that begins anew is served on from where the rover is."""
+
+    def __init__(self, peer: Px4Peer, driven: Driven, clockwork: Clockwork, watchers: Watchers = NOBODY) -> None:
+        self._peer, self._driven, self._clockwork, self._watchers = peer, driven, clockwork, watchers
+        self._sensors = SensorSuite(driven.traverse.world)
+        self._sampler = NedSampler(driven.traverse.simulation)
+        self._beat, self._steps, self._connections = Beat(), 0, 0
+
+    def run(self) -> dict[str, Any]:
+        """Serve until the traverse ends and return its summary, with how the link did under ``hil``.
+
+        Raises LinkError if no PX4 comes, KeyboardInterrupt if it is no longer waited for.
+        """
+        ended = self._await_px4()
+        clock = WallClock()
+        while ended is None:
+            ended = self._step() if self._peer.connected else self._await_px4()
+        summary = self._driven.traverse.summary(*ended, wall_time_s=clock.elapsed_s())
+        return {**summary, "hil": self._figures()}
+
+    def _await_px4(self) -> End | None:
+        """Wait until a PX4 has shown itself; the end that its absence or a wish to stop makes."""
+        self._driven.outputs.set(0.0, 0.0)
+        self._beat.pause()
+        waited_s, greeting_s, said = 0.0, 0.0, ""
+        while True:
+            self._peer.listen()
+            if not (lacks := self._peer.lacks):
+                self._connections += 1
+                return None
+            if lacks != said:
+                said = lacks
+                self._watchers.say(f"waiting for {lacks}")
+            if self._watchers.stopped():
+                return self._stop()
+            if waited_s >= self._clockwork.patience_s:
+                return self._loss(lacks)
+            if waited_s >= greeting_s:
+                self._peer.greet()
+                greeting_s += _GREETING_S
+            waited_s += self._peer.wait(self._clockwork.wait, min(_LOOK_S, self._clockwork.patience_s - waited_s))
+
+    def _stop(self) -> End:
+        if self._steps == 0:
+            raise KeyboardInterrupt
+        return Reason.ABORTED, "interrupted"
+
+    def _loss(self, lacks: str) -> End:
+        text = f"waited {self._clockwork.patience_s:g} s for {lacks}"
+        if self._steps == 0:
+            raise LinkError(text)
+        return Reason.LINK_LOST, text
+
+    def _step(self) -> End | None:
+        """One exchange with PX4, and one step of the traverse under what it said."""
+        traverse, watchers = self._driven.traverse, self._watchers
+        truth = self._sampler.sample()
+        if not _is_finite(truth):
+            return Reason.ERROR, "the physics gave a number that is not finite; PX4 was not told"
+        self._beat.tick()
+        self._peer.step(truth, self._sensors.read(truth), self._clockwork.wait)
+        if not self._peer.connected:
+            return None  # the world stands still until there is a PX4 again
+        self._driven.outputs.set(*self._peer.side_shares)
+        looked, ended = traverse.step(watchers.on_sight)
+        self._steps += 1
+        if looked:
+            watchers.show(traverse.status())
+            if watchers.stopped():
+                return self._stop()
+        if (left_s := self._clockwork.left_s(traverse.simulation.time_s)) > 0.0:
+            self._clockwork.wait((), left_s)
+        return ended
+
+    def _figures(self) -> dict[str, Any]:
+        slip = self._peer.lockstep.slip
+        return {
+            "autopilot": "px4",
+            "steps": self._steps,
+            "restarts": max(0, self._connections - 1),
+            "lockstep": asdict(slip) if self._peer.profile.lockstep else None,
+            "beat": self._beat.figures(),
+        }
+
+
+def _is_finite(truth: NedState) -> bool:
+    return all(map(isfinite, (*truth.position_m, *truth.velocity_m_s, *truth.quaternion, *truth.rate_rad_s)))
