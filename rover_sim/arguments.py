@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from math import nan
+from math import isfinite, nan
 
 
 def seed(text: str) -> int:
@@ -29,3 +29,14 @@ def worker_count(text: str) -> int:
     if not text.isdecimal() or not 1 <= int(text) <= 256:
         raise argparse.ArgumentTypeError(f"{text!r} is not a whole number from 1 to 256")
     return int(text)
+
+
+def seconds(text: str) -> float:
+    """A time to wait."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = nan
+    if not (isfinite(value) and value > 0.0):
+        raise argparse.ArgumentTypeError(f"{text!r} is not a number of seconds above 0")
+    return value

@@ -13,6 +13,7 @@ from rover_sim.errors import InputError, LinkError
 
 COMMANDS = {
     "run": "one closed-loop traverse: perceive, plan, upload missions, drive",
+    "hil": "be the physics of ArduPilot or PX4, and plan for it",
     "serve": "the rover as a live MAVLink vehicle for a ground station",
     "teleop": "steer a rover by keyboard or gamepad",
     "trials": "many traverses over a grid of conditions, with a report",

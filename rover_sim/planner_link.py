@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Protocol
 
-from rover_sim.mavlink.companion import Companion
 from rover_sim.mavlink.geodesy import LocalFrame
 from rover_sim.mavlink.narrator import Narrator
+from rover_sim.mavlink.vehicle_control import VehicleControl
 from worlds.types import PoseEstimate, SensorReadings
 
 
@@ -20,7 +20,7 @@ class PlannerLink(Protocol):
         ...
 
     @property
-    def companion(self) -> Companion:
+    def companion(self) -> VehicleControl:
         """The planner's side."""
         ...
 

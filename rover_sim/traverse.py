@@ -51,7 +51,7 @@ if TYPE_CHECKING:
 
 STEREO_BASELINE_M = 0.12
 LASER_SD_M = 0.02  # that the rover believes of its scanner
-LINK_GRACE_S = 5.0  # the first heartbeats need not have come before
+LINK_GRACE_S = 5.0  # the first heartbeats of our own vehicle need not have come before
 
 
 @dataclass(frozen=True)
@@ -63,6 +63,7 @@ class RunOptions:
     realtime: bool = False
     any_touch_ends: bool = False  # of an obstacle, by hull or wheel
     way: Way | None = None  # drive this one with closed eyes instead of seeing and planning
+    link_grace_s: float = LINK_GRACE_S
 
 
 @dataclass(frozen=True)
@@ -317,7 +318,9 @@ class Traverse:
         """The end that a silent eye or link makes."""
         if self._computer is not None and (silent := self._computer.silent_eye(time_s)):
             return Reason.SENSOR_LOST, silent
-        if time_s > LINK_GRACE_S and not self._stack.companion.linked:
+        if (trouble := self._stack.companion.trouble) is not None:
+            return Reason.LINK_LOST, trouble.text
+        if time_s > self._options.link_grace_s and not self._stack.companion.linked:
             return Reason.LINK_LOST, "the companion no longer hears the vehicle"
         return None
 

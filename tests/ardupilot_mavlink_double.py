@@ -240,7 +240,7 @@ class ArduRoverDouble(VehicleDouble):
         if self._held_until_s is None:
             if math.hypot(north - self.motion.north_m, east - self.motion.east_m) > self.radius_m:
                 speed = -self.speed_m_s if self.reverse else self.speed_m_s
-                return to_wheels(*steer_towards(self.motion, north, east, speed))
+                return to_wheels(*steer_towards(self.motion, north, east, speed, self.gains))
             self._held_until_s = self.time_s + item.params[0]
         if self.time_s >= self._held_until_s:
             self.send(mavlink.MAVLink_mission_item_reached_message(self.current))
@@ -252,11 +252,11 @@ class ArduRoverDouble(VehicleDouble):
         if target.place is not None:
             if math.dist(target.place, (self.motion.north_m, self.motion.east_m)) < self.radius_m:
                 return NEUTRAL, NEUTRAL
-            return to_wheels(*steer_towards(self.motion, *target.place, target.speed_m_s))
+            return to_wheels(*steer_towards(self.motion, *target.place, target.speed_m_s, self.gains))
         if target.rate_rad_s is not None:
-            return to_wheels(target.speed_m_s / 1.5, 0.267 * target.rate_rad_s)
+            return to_wheels(target.speed_m_s / self.gains.full_m_s, self.gains.feed_forward_s * target.rate_rad_s)
         heading = self.motion.heading_rad if target.heading_rad is None else target.heading_rad
-        return to_wheels(*steer_heading(self.motion, heading, target.speed_m_s))
+        return to_wheels(*steer_heading(self.motion, heading, target.speed_m_s, self.gains))
 
     def _local_target(self, message: Message) -> None:
         """Dropped without a word where it cannot be followed."""

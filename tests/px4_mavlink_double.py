@@ -206,7 +206,7 @@ class Px4RoverDouble(VehicleDouble):
 
     def drive(self) -> Wheels:
         if self.custom_mode == OFFBOARD and self._heading is not None:
-            return to_wheels(*steer_heading(self.motion, self._heading[0], 0.0))
+            return to_wheels(*steer_heading(self.motion, self._heading[0], 0.0, self.gains))
         if self.custom_mode != MISSION or self.complete or self.current >= len(self.items):
             return NEUTRAL, NEUTRAL
         item = self.items[self.current]
@@ -214,7 +214,7 @@ class Px4RoverDouble(VehicleDouble):
             self.driven.append(item)
         north, east = self.metres(item.x, item.y)
         if math.hypot(north - self.motion.north_m, east - self.motion.east_m) > self.radius_m:
-            return to_wheels(*steer_towards(self.motion, north, east, self.speed_m_s))
+            return to_wheels(*steer_towards(self.motion, north, east, self.speed_m_s, self.gains))
         self.send(mavlink.MAVLink_mission_item_reached_message(self.current))
         self.current += 1
         self._skip()

@@ -61,21 +61,35 @@ def to_wheels(throttle: float, steering: float) -> Wheels:
     return round(NEUTRAL + 500.0 * left), round(NEUTRAL + 500.0 * right)
 
 
-def steer_towards(motion: Motion, north_m: float, east_m: float, speed_m_s: float) -> tuple[float, float]:
+@dataclass(frozen=True)
+class Gains:
+    """What the controllers know of their rover."""
+
+    full_m_s: float = KinematicRover.FASTEST_M_S  # at full throttle
+    feed_forward_s: float = KinematicRover.TRACK_M / (2.0 * KinematicRover.FASTEST_M_S)  # steering for 1 rad/s
+
+
+KINEMATIC = Gains()
+
+
+def steer_towards(
+    motion: Motion, north_m: float, east_m: float, speed_m_s: float, gains: Gains = KINEMATIC
+) -> tuple[float, float]:
     """Throttle and steering towards a place; backwards with a negative speed."""
     bearing = math.atan2(east_m - motion.east_m, north_m - motion.north_m)
     if speed_m_s < 0.0:
         bearing += math.pi
-    return steer_heading(motion, bearing, speed_m_s)
+    return steer_heading(motion, bearing, speed_m_s, gains)
 
 
-def steer_heading(motion: Motion, heading_rad: float, speed_m_s: float) -> tuple[float, float]:
+def steer_heading(
+    motion: Motion, heading_rad: float, speed_m_s: float, gains: Gains = KINEMATIC
+) -> tuple[float, float]:
     """Throttle and steering along a heading; it turns on the spot where the heading is far off."""
     error = math.remainder(heading_rad - motion.heading_rad, math.tau)
     rate = max(-1.0, min(1.0, 2.0 * error))
     ahead = speed_m_s if abs(error) < math.radians(30.0) else 0.0
-    fastest = KinematicRover.FASTEST_M_S
-    return ahead / fastest, rate * KinematicRover.TRACK_M / (2.0 * fastest)
+    return ahead / gains.full_m_s, rate * gains.feed_forward_s
 
 
 class VehicleDouble:
@@ -90,6 +104,7 @@ class VehicleDouble:
         self.motion = Motion()
         self.armed = False
         self.custom_mode = 0
+        self.gains = KINEMATIC
         self.commands: list[int] = []  # heard
         self.said: list[str] = []
         self._transport, self._packer, self._parser = transport, Packer(SYSTEM, COMPONENT), Parser()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ipaddress
 import select
 import socket
+from typing import Self
 
 from rover_sim.errors import InputError, LinkError
 from rover_sim.hil.lockstep import Datagram, Peer
@@ -15,7 +16,7 @@ _LONGEST_BYTES = 2048  # any servo packet, and enough of anything else to tell t
 
 
 class ServoPort:
-    """A bound UDP port; raises InputError for a bad address, LinkError if it is taken."""
+    """A bound UDP port and context manager; raises InputError for a bad address, LinkError if it is taken."""
 
     def __init__(self, bind: str) -> None:
         url = _url(bind)
@@ -24,6 +25,12 @@ class ServoPort:
         except LinkError as error:
             hint = "another physics may answer there: stop it, or give both sides another port"
             raise LinkError(f"--bind {bind}: {str(error).partition(': ')[2]} ({hint})") from error
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
 
     @property
     def address(self) -> Peer:

@@ -82,6 +82,11 @@ class ForeignCompanion:
         return self._uploader.busy or self._pursuit.wish is not None
 
     @property
+    def sent(self) -> tuple[WireItem, ...]:
+        """The mission that was given last, home first; empty before any was."""
+        return () if self._latest is None else self._latest.items
+
+    @property
     def owns_mission(self) -> bool | None:
         """Whether the vehicle's mission was uploaded here; None without one, or before anything was read back."""
         if self._watch.status.mission_state is MissionState.NO_MISSION:

@@ -1,0 +1,42 @@
+"""One traverse under the doubled ArduPilot, JSON side and MAVLink side in one, in memory and on one clock."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from rover_sim.driven_rover import home
+from rover_sim.hil.ardupilot import ArduPilotSession
+from rover_sim.hil.ardupilot_parameters import parameters
+from rover_sim.hil.autopilot_link import AutopilotLink
+from rover_sim.hil.handling import measure_handling
+from rover_sim.hil.lockstep import Lockstep
+from rover_sim.hil.outputs import OutputDriver
+from rover_sim.hil.session import NOBODY, Driven, Watchers
+from rover_sim.mavlink.geodesy import LocalFrame
+from rover_sim.mavlink.memory import memory_link
+from rover_sim.sim.rover import load_rover
+from rover_sim.traverse import RunOptions, Traverse
+from tests.ardupilot_rig import MemoryPort
+from tests.ardupilot_vehicle import JoinedVehicle
+from worlds.build import build_world
+from worlds.scenario import Origin, Scenario
+
+
+def mission(scenario: Scenario, seed: int, watchers: Watchers = NOBODY) -> tuple[dict[str, Any], JoinedVehicle]:
+    """One traverse from a cold start of the autopilot: its summary, and the vehicle."""
+    world, rover = build_world(scenario, seed), load_rover(scenario.rover.model)
+    ours, theirs = memory_link()
+    place = LocalFrame(world.origin).to_geo(home(world))
+    fitted = parameters(rover, measure_handling(rover, world.soil, scenario.gravity_m_s2), scenario.goal.radius_m)
+    origin = Origin(place.latitude_deg, place.longitude_deg, place.altitude_m)
+    vehicle = JoinedVehicle(theirs, origin, fitted)
+    port = MemoryPort(vehicle.json)
+
+    def begin() -> Driven:
+        link, outputs = AutopilotLink(world.origin, home(world), ours), OutputDriver(rover.footprint())
+        return Driven(Traverse(world, rover, outputs, link, RunOptions(link_grace_s=31.0)), outputs)
+
+    with ArduPilotSession(port, Lockstep(loopback_only=True), begin, port.clock_s, 60.0, watchers) as session:
+        summary = session.run()
+    port.take()
+    return summary, vehicle

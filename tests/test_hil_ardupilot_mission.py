@@ -1,0 +1,40 @@
+"""The whole chain under the doubled ArduPilot: pictures, planner, missions over MAVLink, servo packets, our physics."""
+
+from __future__ import annotations
+
+import pytest
+
+from tests.ardupilot_checks import check_rest, check_stream
+from tests.ardupilot_mission import mission
+from worlds.scenario import Camera, Goal, Rocks, Scenario, SoilChoice, Terrain, load_scenario
+
+SHORT = Scenario(
+    name="short",
+    terrain=Terrain(kind="flat", size_m=(12.0, 10.0), resolution_m=0.1),
+    rocks=Rocks(cfa=0.02, min_diameter_m=0.1, max_diameter_m=0.4, clear_radius_m=1.0),
+    soil=SoilChoice(preset="firm"),
+    camera=Camera(rate_hz=1.0),
+    goal=Goal(position_m=(3.0, 0.5), time_limit_s=90.0),
+)
+
+
+def test_a_short_mission_reaches_its_goal() -> None:
+    """From a cold start: no wheel turns before the autopilot is ready, 42.6 s after its start."""
+    summary, vehicle = mission(SHORT, 3)
+    assert summary["reason"] == "goal", summary
+    assert vehicle.rover.driven  # waypoints that came over MAVLink
+    assert not vehicle.rover.started_torn
+    states = vehicle.json.states
+    assert len(states) == vehicle.json.count == round(240 * states[-1].time_s)
+    moving = next(state.time_s for state in states if abs(state.vector("velocity")[1]) > 0.05)
+    assert 42.6 < moving < 50.0
+    check_rest(states[1 : 42 * 240])
+    check_stream(states)
+
+
+@pytest.mark.slow
+@pytest.mark.timeout(1800)
+def test_nine_of_ten_rock_fields_of_20_m_are_crossed() -> None:
+    scenario = load_scenario("rock-field")
+    reasons = [mission(scenario, seed)[0]["reason"] for seed in range(10)]
+    assert reasons.count("goal") >= 9, reasons
