@@ -1,0 +1,199 @@
+"""What a metre of slope costs a rover, by direction and soil, in metres of level ground of the same soil.
+
+Half of it is time, which slip takes, half is energy, both from what slopes did to the rover on the test rig
+(``knowledge/slopes.toml``); the nearer a lean is to tipping over, the more it costs. Where slip reaches the stop that
+the rover's own monitor has, or the slope carries it off sideways, it does not drive.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from dataclasses import dataclass, fields
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from worlds.errors import InputError
+from worlds.types import FloatArray, Footprint, IntArray
+
+KNOWLEDGE = Path(__file__).parent / "knowledge" / "slopes.toml"
+UNKNOWN = "unknown"
+BIN = 0.01  # of rise over run, between two entries of a table
+BINS = 100  # up to 45 degrees
+ERRORS = (0.0, 0.02, 0.04, 0.08, 0.16)  # of a rise over run, one sigma: a table each
+UNKNOWN_TIP_DEG = 40.0  # of a rover with arms, whose wheels lift before it goes over
+
+
+@dataclass(frozen=True, eq=False)
+class SoilSlopes:
+    """What slopes do in one soil: arrays over the same slopes, each as long as the rover kept going."""
+
+    slope_deg: FloatArray
+    softness: float  # 0 hard .. 1 soft, for the rules
+    slip_up: FloatArray
+    power_up_W: FloatArray
+    slip_down: FloatArray
+    power_down_W: FloatArray
+    slip_angle_deg: FloatArray
+
+
+@dataclass(frozen=True)
+class SlopeLimits:
+    """Where a rover does not go."""
+
+    slip: float = 0.40  # climbing: the slip stop of the rover's monitor
+    skid: float = 0.30  # going down: wheels that turn so much slower than the rover moves brake no longer
+    slip_angle_deg: float = 15.0  # across
+    tilt_deg: float = 25.0  # in any direction
+    tip_reserve_deg: float = 20.0  # between tilt and tipping over
+    over_limit: float = 100.0  # cost of a metre that may turn out too steep, where the map is not sure
+
+
+@dataclass(frozen=True, eq=False)
+class SlopeCosts:
+    """Tables of the cost of a metre, a row for each of `ERRORS`, and how steep it may be, in degrees."""
+
+    along: FloatArray  # (levels, 2 BINS + 1), from steep down to steep up
+    across: FloatArray  # (levels, BINS + 1)
+    up_deg: float
+    down_deg: float
+    across_deg: float
+    softness: float
+
+    @property
+    def limits(self) -> FloatArray:
+        """Steepest rise over run (3,) up, down and across."""
+        return np.asarray(np.tan(np.radians([self.up_deg, self.down_deg, self.across_deg])))
+
+
+def slope_costs(soil: str, footprint: Footprint, limits: SlopeLimits | None = None) -> SlopeCosts:
+    """Tables for a soil of ``knowledge/slopes.toml``, or the worst of all of them for any other name.
+
+    With errors a metre costs what it does on average, where what is too steep costs ``over_limit``.
+    """
+    limits = limits or SlopeLimits()
+    figures = soils().get(soil) or soils()[UNKNOWN]
+    lateral, longitudinal = tip_angles_deg(footprint)
+    steepest = [min(limits.tilt_deg, tip - limits.tip_reserve_deg) for tip in (longitudinal, lateral)]
+    up = min(_reached(figures.slope_deg, figures.slip_up, limits.slip), steepest[0])
+    down = min(_reached(figures.slope_deg, -figures.slip_down, limits.skid), steepest[0])
+    lean = min(_reached(figures.slope_deg, figures.slip_angle_deg, limits.slip_angle_deg), steepest[1])
+    rise = np.degrees(np.arctan(BIN * np.arange(-BINS, BINS + 1)))
+    over = limits.over_limit
+    along = np.where((rise <= up) & (rise >= -down), _along(figures, rise) * _tipping(rise, longitudinal), over)
+    across = np.where(rise <= lean, _across(figures, rise) * _tipping(rise, lateral), over)[BINS:]
+    rows = _expected(along, mirrored=False), _expected(across, mirrored=True)
+    return SlopeCosts(*rows, up, down, lean, figures.softness)
+
+
+def tip_angles_deg(footprint: Footprint) -> tuple[float, float]:
+    """Lean sideways and along at which a rigid rover goes over; a careful guess for one with arms."""
+    body = footprint.body
+    if body is None:
+        return UNKNOWN_TIP_DEG, UNKNOWN_TIP_DEG
+    ahead, left, up = body.centre_of_mass_m
+    height = body.wheel_radius_m + up
+    sides = (0.5 * body.track_m - abs(left), 0.5 * body.wheelbase_m - abs(ahead))
+    lateral, longitudinal = (float(np.degrees(np.arctan2(side, height))) for side in sides)
+    return lateral, longitudinal
+
+
+def error_level(error: FloatArray) -> IntArray:
+    """Which of the tables stands for a one-sigma error of rise over run: the next larger one of `ERRORS`."""
+    return np.asarray(np.minimum(np.searchsorted(ERRORS, error), len(ERRORS) - 1), dtype=np.int32)
+
+
+@cache
+def soils() -> dict[str, SoilSlopes]:
+    """Figures by soil, and the worst of them at every slope as `UNKNOWN`."""
+    return load_soils(KNOWLEDGE)
+
+
+def load_soils(path: Path) -> dict[str, SoilSlopes]:
+    """Soils of a TOML file; InputError names the file and what is wrong with it."""
+    try:
+        tables: dict[str, Any] = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (OSError, tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise InputError(f"{path}: cannot be read as TOML ({error})") from error
+    slopes = np.array(tables.pop("slope_deg", []), dtype=np.float64)
+    if len(slopes) < 2 or slopes[0] != 0.0 or np.any(np.diff(slopes) <= 0.0) or not tables:
+        raise InputError(
+            f"{path}: slope_deg = {slopes.tolist()}: rising slopes from 0 and a table for each soil wanted"
+        )
+    found = {name: _soil(table, slopes, f"{path}: {name}") for name, table in tables.items()}
+    return {**found, UNKNOWN: _worst(list(found.values()), slopes)}
+
+
+def _soil(table: Any, slopes: FloatArray, source: str) -> SoilSlopes:
+    names = [part.name for part in fields(SoilSlopes)[1:]]
+    if not isinstance(table, dict) or set(table) != set(names):
+        raise InputError(f"{source}: wanted are exactly {', '.join(names)}")
+    columns = {name: np.atleast_1d(np.array(table[name], dtype=np.float64)) for name in names[1:]}
+    for name, values in columns.items():
+        if not 2 <= len(values) <= len(slopes):
+            raise InputError(f"{source}.{name}: has {len(values)} numbers; allowed are 2 to {len(slopes)}, one a slope")
+    for name in ("slip_up", "slip_angle_deg"):
+        if np.any(np.diff(columns[name]) < 0.0):
+            raise InputError(f"{source}.{name}: must not fall with the slope")
+    return SoilSlopes(slopes, float(table["softness"]), **columns)
+
+
+def _worst(known: list[SoilSlopes], slopes: FloatArray) -> SoilSlopes:
+    """Columns as long as the shortest, each value the worst of all."""
+    columns = {}
+    for part in fields(SoilSlopes)[2:]:
+        each = [getattr(soil, part.name) for soil in known]
+        length = min(len(values) for values in each)
+        pick = np.min if part.name == "slip_down" else np.max
+        columns[part.name] = pick([values[:length] for values in each], axis=0)
+    return SoilSlopes(slopes, max(soil.softness for soil in known), **columns)
+
+
+def _reached(slope_deg: FloatArray, values: FloatArray, limit: float) -> float:
+    """Slope at which a rising column reaches a limit, or the last at which the rover kept going."""
+    slopes, rising = slope_deg[: len(values)], np.maximum.accumulate(values)
+    return float(slopes[-1] if rising[-1] <= limit else np.interp(limit, rising, slopes))
+
+
+def _along(figures: SoilSlopes, rise_deg: FloatArray) -> FloatArray:
+    """Mean of time and energy of a metre up or down a slope, over those of a level one."""
+    up, down = rise_deg.clip(0.0), (-rise_deg).clip(0.0)
+    climbing = rise_deg >= 0.0
+    slip = np.where(climbing, _at(figures, figures.slip_up, up), _at(figures, figures.slip_down, down))
+    power = np.where(climbing, _at(figures, figures.power_up_W, up), _at(figures, figures.power_down_W, down))
+    time_s = 1.0 / np.maximum(1.0 - slip, 1e-3)
+    level = int(np.argmin(np.abs(rise_deg)))
+    return np.asarray(0.5 * time_s / time_s[level] + 0.5 * power * time_s / (power * time_s)[level])
+
+
+def _across(figures: SoilSlopes, rise_deg: FloatArray) -> FloatArray:
+    """How much longer a way across gets by crabbing against being carried off."""
+    angle = np.radians(_at(figures, figures.slip_angle_deg, np.abs(rise_deg)))
+    return np.asarray(1.0 / np.cos(np.minimum(angle, 1.4)))
+
+
+def _at(figures: SoilSlopes, column: FloatArray, slope_deg: FloatArray) -> FloatArray:
+    return np.asarray(np.interp(slope_deg, figures.slope_deg[: len(column)], column))
+
+
+def _tipping(rise_deg: FloatArray, tip_deg: float) -> FloatArray:
+    """One on level ground, and growing as the lean uses up what there is till the rover goes over."""
+    return np.asarray(1.0 + np.clip(np.abs(rise_deg) / tip_deg, 0.0, 1.0) ** 2)
+
+
+def _expected(cost: FloatArray, *, mirrored: bool) -> FloatArray:
+    """Mean (levels, N) of a table over a normal error of the rise; beyond its ends the table goes on as it ends.
+
+    ``mirrored``: the table begins at the level and is the same on the other side.
+    """
+    table = np.concatenate([cost[:0:-1], cost]) if mirrored else cost
+    rise, rows = np.arange(len(table)), []
+    for error in ERRORS:
+        width = max(error / BIN, 1e-9)
+        offsets = np.linspace(-3.0, 3.0, 25)
+        weights = np.exp(-0.5 * offsets**2)
+        values = [np.interp(rise + offset * width, rise, table) for offset in offsets]
+        rows.append(np.average(values, axis=0, weights=weights))
+    return np.array(rows)[:, len(cost) - 1 :] if mirrored else np.array(rows)
