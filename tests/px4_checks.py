@@ -7,7 +7,7 @@ an error here.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -82,7 +82,7 @@ class Checks:
         self.truth_asked = False
         self._truth_usec, self._gnss, self._rest_usec = truth_usec, gnss, 400_000 if at_rest else 0
         self._first_usec = 0
-        self._takers: Mapping[str, Callable[[Message], None]] = {
+        self._takers: dict[str, Callable[[Message], None]] = {
             "HIL_SENSOR": self._sensor,
             "HIL_GPS": self._fix,
             "HIL_STATE_QUATERNION": self._truth,
@@ -94,10 +94,15 @@ class Checks:
         """Since the first step."""
         return self.believed.clock_usec - self._first_usec
 
+    def on_board(self) -> None:
+        """The receiver of a board: it wants heartbeats, and takes HIL_STATE_QUATERNION for its own estimate."""
+        del self._takers["HIL_STATE_QUATERNION"]
+        self._takers["HEARTBEAT"] = lambda _: None
+
     def take(self, message: Message) -> None:
         """One message of the simulator."""
         kind = message.get_type()
-        require(kind in self._takers, f"{kind}: PX4's simulator module does not know it")
+        require(kind in self._takers, f"{kind}: not for PX4")
         for name in message.get_fieldnames():
             value = getattr(message, name)
             if not all(map(math.isfinite, value if isinstance(value, list) else [value])):

@@ -73,7 +73,7 @@ class Px4Double:
         self._next_usec: int | None = None
         self._in = dialect.MAVLink(None)
         self._out = dialect.MAVLink(None, srcSystem=1, srcComponent=1)
-        self._sequence: int | None = None
+        self._sequences: dict[int, int] = {}  # of the last frame, by component
 
     def begin(self) -> bytes:
         """What its two threads say at once."""
@@ -123,9 +123,10 @@ class Px4Double:
 
     def _check_frame(self, message: Message) -> None:
         require(message.get_type() != "BAD_DATA", f"bytes that are no frame: {message}")
-        sequence = message.get_seq()
-        require(self._sequence in (None, (sequence - 1) % 256), f"frame {sequence} after frame {self._sequence}")
-        self._sequence = sequence
+        sequence, component = message.get_seq(), message.get_srcComponent()
+        before = self._sequences.get(component, (sequence - 1) % 256)
+        require(sequence == (before + 1) % 256, f"frame {sequence} after frame {before}")
+        self._sequences[component] = sequence
 
 
 class MemoryPx4:

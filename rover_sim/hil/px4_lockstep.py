@@ -17,7 +17,7 @@ WAIT_S = 0.010  # for the controls of a step
 # own time-out for silence is ten times this.
 LATE_S = 0.100
 SILENT_S = 0.004  # a step of a PX4 that has stopped answering: the world goes on as fast as the wall clock
-STALE_USEC = 200_000  # controls older than this turn no wheel
+STALE_USEC = 200_000  # controls that came longer ago turn no wheel
 _RHYTHM = 15  # answers from which the pause between two is told
 
 
@@ -42,7 +42,7 @@ class Lockstep:
     def restart(self) -> None:
         """A new PX4: nothing is known of it."""
         self.controls: Controls | None = None
-        self._sent_usec = 0
+        self._sent_usec = self._heard_usec = 0  # on our clock: a board has its own
         self._silent = False  # a long wait was in vain
         self._gaps: deque[int] = deque(maxlen=_RHYTHM)
 
@@ -55,6 +55,7 @@ class Lockstep:
     def hear(self, controls: Controls) -> None:
         """Controls have come."""
         before, self.controls, self._silent = self.controls, controls, False
+        self._heard_usec = self._sent_usec
         if not self._keeps_step:
             return
         behind = self._steps_since(controls)
@@ -87,8 +88,9 @@ class Lockstep:
     @property
     def side_shares(self) -> tuple[float, float]:
         """Shares of full speed of left and right side; none without fresh controls."""
-        fresh = self.controls is not None and self._sent_usec - self.controls.time_usec <= STALE_USEC
-        return self.controls.side_shares if self.controls is not None and fresh else (0.0, 0.0)
+        if self.controls is None or self._sent_usec - self._heard_usec > STALE_USEC:
+            return 0.0, 0.0
+        return self.controls.side_shares
 
     @property
     def _keeps_step(self) -> bool:
