@@ -66,7 +66,7 @@ def bullet_drive(world: World, rover: RoverModel, commands: Commands) -> Driven:
     for left, right in commands:
         if (left, right) != before:
             before = (left, right)
-            physics.drive_wheels(client, body, [left] * half + [right] * half, rover.motor.max_torque_Nm)
+            physics.drive_wheels(client, body, [left] * half + [right] * half, [rover.motor.max_torque_Nm] * 2 * half)
         pybullet.stepSimulation(physicsClientId=client)
         places.append(pybullet.getBasePositionAndOrientation(body.body, physicsClientId=client)[0])
     spent = time.process_time() - begin

@@ -18,7 +18,19 @@ import numpy as np
 from planner.localization_kernels import BIAS, FACTOR, SLIDE_X, SLIDE_Y, STATES, YAW, advance
 from planner.mobility import body_motion
 from worlds.geometry import quaternion_from_euler, rotation_from_quaternion, wrap_angle
-from worlds.types import FloatArray, Footprint, GnssReading, GroundPlane, Pose, PoseEstimate, SensorReadings, Vector3
+from worlds.types import (
+    FloatArray,
+    Footprint,
+    GnssReading,
+    GroundPlane,
+    ImuReading,
+    Pose,
+    PoseEstimate,
+    SensorReadings,
+    Vector3,
+)
+
+_NO_NEWS = 1e12  # variance (rad2) of a heading that says nothing
 
 
 @dataclass(frozen=True)
@@ -64,24 +76,28 @@ def start(
 ) -> LocalizationState:
     """State of a rover that stands still at a known place; heading and tilt come from ``readings``."""
     model = model or SensorModel()
+    if readings.imu is None or readings.imu.heading_rad is None:
+        raise ValueError("a rover cannot start without inertial unit and compass")
+    heading = readings.imu.heading_rad
     roll, pitch = _tilt(readings.imu.acceleration_b)
-    mean = np.array([*position_w, readings.imu.heading_rad, 0.0, model.usual_factor, 0.0, 0.0])
+    mean = np.array([*position_w, heading, 0.0, model.usual_factor, 0.0, 0.0])
     slide_sd = model.slide_sd * float(np.sin(np.hypot(roll, pitch)))
     sd = np.array([*(position_sd_m,) * 3, model.heading_sd_rad, 0.01, model.factor_sd, slide_sd, slide_sd])
     # One place tells the general slope no better than "level" does: half of each.
-    normal = rotation_from_quaternion(quaternion_from_euler(roll / 2, pitch / 2, readings.imu.heading_rad))[:, 2]
+    normal = rotation_from_quaternion(quaternion_from_euler(roll / 2, pitch / 2, heading))[:, 2]
     return LocalizationState(readings.time_s, mean, np.diag(sd**2), roll, pitch, 0.0, 0.0, normal)
 
 
 def localize(
     state: LocalizationState, readings: SensorReadings, footprint: Footprint, model: SensorModel | None = None
 ) -> LocalizationState:
-    """State after ``readings``, which are later than ``state`` (else it comes back unchanged)."""
+    """State after ``readings``; if they are no later, or without inertial unit, it comes back unchanged."""
     model = model or SensorModel()
     step = readings.time_s - state.time_s
-    if step <= 0.0:
+    if step <= 0.0 or readings.imu is None:
         return state
-    roll, pitch, yaw_rate = _attitude(state, readings, model, step)
+    roll, pitch, yaw_rate = _attitude(state, readings.imu, model, step)
+    compass = readings.imu.heading_rad
     wheel_speed = body_motion(readings.wheel_speed_rad_s, footprint).linear_m_s
     rim_speed = _rim_speed(readings, footprint)
     travelled = rim_speed * step
@@ -91,8 +107,8 @@ def localize(
         mean,
         covariance,
         (step, wheel_speed * step, travelled, yaw_rate, pitch),
-        (model.usual_factor, *kept, readings.imu.heading_rad),
-        _noise(model, step, wheel_speed, kept, hypot(roll, pitch)),
+        (model.usual_factor, *kept, 0.0 if compass is None else compass),
+        _noise(model, step, wheel_speed, kept, hypot(roll, pitch), silent=compass is None),
     )
     if readings.gnss is not None:
         wheels = wheel_speed, rim_speed
@@ -134,9 +150,18 @@ def ground_plane(state: LocalizationState, body_height_m: float) -> GroundPlane:
 
 
 def _noise(
-    model: SensorModel, step: float, wheel_speed: float, kept: tuple[float, float], lean_rad: float
+    model: SensorModel,
+    step: float,
+    wheel_speed: float,
+    kept: tuple[float, float],
+    lean_rad: float,
+    *,
+    silent: bool,
 ) -> tuple[float, ...]:
-    """Variances that a step adds to place, heading, bias, factor and slide, and that of the heading read after it."""
+    """Variances that a step adds to place, heading, bias, factor and slide, and that of the heading read after it.
+
+    ``silent``: no heading is read.
+    """
     return (
         (model.side_slip_sd * wheel_speed) ** 2 * step,
         model.gyro_sd_rad_s**2 * step * model.heading_correlation_s,
@@ -144,22 +169,20 @@ def _noise(
         model.factor_sd**2 * (1 - kept[0] ** 2),
         (model.slide_sd * sin(lean_rad)) ** 2 * (1 - kept[1] ** 2),
         # Readings inside one correlation time carry one reading's worth of news.
-        model.heading_sd_rad**2 * max(1.0, model.heading_correlation_s / step),
+        _NO_NEWS if silent else model.heading_sd_rad**2 * max(1.0, model.heading_correlation_s / step),
     )
 
 
-def _attitude(
-    state: LocalizationState, readings: SensorReadings, model: SensorModel, step: float
-) -> tuple[float, float, float]:
+def _attitude(state: LocalizationState, imu: ImuReading, model: SensorModel, step: float) -> tuple[float, float, float]:
     """Roll, pitch and yaw rate: turned by the gyroscope, pulled slowly to the direction of gravity."""
-    p, q, r = readings.imu.rate_b
+    p, q, r = imu.rate_b
     r -= float(state.mean[BIAS])
     roll, pitch = state.roll_rad, state.pitch_rad
     turn = q * sin(roll) + r * cos(roll)
     yaw_rate = turn / cos(pitch)
     roll += step * (p + tan(pitch) * turn)
     pitch += step * (q * cos(roll) - r * sin(roll))
-    x, y, z = readings.imu.acceleration_b
+    x, y, z = imu.acceleration_b
     # The turn's centripetal part is known and taken out; knocks are no gravity and count less.
     gravity_roll, gravity_pitch = _tilt((x, y - state.speed_m_s * yaw_rate, z))
     knock = (sqrt(x * x + y * y + z * z) - model.gravity_m_s2) / (0.1 * model.gravity_m_s2)

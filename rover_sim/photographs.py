@@ -27,8 +27,8 @@ class Photographer:
         self._picture()  # the first one takes a second, in which the link would be silent
 
     def take(self, path: Path) -> bool:
-        """Write a PNG, whole or not at all; False once the camera has failed; raises OSError if it cannot write."""
-        if self._simulation.time_s >= self._eye.fails_s:
+        """Write a PNG, whole or not at all; False while the camera gives nothing; raises OSError if it cannot write."""
+        if not self._eye.sees(self._simulation.time_s):
             return False
         image = self._picture()
         with atomic_path(path) as temporary:

@@ -37,7 +37,9 @@ def test_accelerometer_of_a_parked_rover_feels_gravity() -> None:
         for step in range(240):
             simulation.step([0.0] * 4)
             if step % 12 == 11:
-                felt.append(simulation.read_sensors().imu.acceleration_b)
+                imu = simulation.read_sensors().imu
+                assert imu is not None
+                felt.append(imu.acceleration_b)
         mean = np.mean(felt, axis=0)
         pitch = np.radians(10.0)  # nose up: gravity's reaction has a forward part
         assert mean == pytest.approx([3.71 * np.sin(pitch), 0.0, 3.71 * np.cos(pitch)], abs=0.12)

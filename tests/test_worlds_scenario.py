@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from worlds.errors import ScenarioError
+from worlds.fault_events import Event
 from worlds.scenario import (
     LIMITS,
     Camera,
@@ -28,7 +29,7 @@ from worlds.scenario import (
 from worlds.sensor_tables import Actuator, Barometer, Encoder, Gnss, Imu, Magnetometer
 from worlds.strict_toml import convert_table, dump_toml, numeric_keys
 
-SENSOR_TABLES = ("imu", "magnetometer", "barometer", "gnss", "encoder", "actuator")
+SENSOR_TABLES = ("imu", "magnetometer", "barometer", "gnss", "encoder", "actuator", "event")
 
 
 def load_text(folder: Path, text: str) -> Scenario:
@@ -126,6 +127,7 @@ def test_every_number_has_a_range() -> None:
         gnss=Gnss(outages_s=((1.0, 2.0),)),
         encoder=Encoder(),
         actuator=Actuator(),
+        event=(Event(kind="power_loss", time_s=1.0, duration_s=1.0, wheel=0, offset_m=(0.0,) * 3, stall_s=1.0),),
     )
     assert numeric_keys(scenario) == set(LIMITS)
 

@@ -7,8 +7,9 @@ from typing import Literal
 
 import msgspec
 
-from worlds import sensor_tables
+from worlds import fault_events, sensor_tables
 from worlds.errors import ScenarioError
+from worlds.fault_events import Event, check_events
 from worlds.sensor_tables import Actuator, Barometer, Encoder, Gnss, Imu, Magnetometer
 from worlds.soil_file import is_soil_file, load_soil
 from worlds.strict_toml import Table, check_limits, convert_table, dump_toml, read_table
@@ -168,6 +169,7 @@ class Scenario(Table, frozen=True):
     gnss: Gnss | None = None
     encoder: Encoder | None = None
     actuator: Actuator | None = None
+    event: tuple[Event, ...] = ()  # faults
 
 
 # Smallest and largest allowed number of every key; a list's numbers share one range.
@@ -220,6 +222,7 @@ LIMITS: dict[str, tuple[float, float]] = {
     "origin.longitude_deg": (-180.0, 180.0),
     "origin.altitude_m": (-12000.0, 30000.0),
     **sensor_tables.LIMITS,
+    **fault_events.LIMITS,
 }
 
 
@@ -280,6 +283,7 @@ def check_scenario(scenario: Scenario, source: str) -> None:
     _check_obstacles(scenario.obstacle, source)
     _check_soils(scenario.soil, source)
     _check_eyes(scenario, source)
+    check_events(scenario, source)
     if scenario.terrain.kind != "dem":
         _check_on_map(scenario, source)
 

@@ -325,7 +325,7 @@ class ImuReading:
 
     acceleration_b: Vector3
     rate_b: Vector3
-    heading_rad: float  # from +x counter-clockwise
+    heading_rad: float | None  # from +x counter-clockwise; None: the compass is silent
 
 
 @dataclass(frozen=True)
@@ -360,10 +360,10 @@ class BatteryReading:
 
 @dataclass(frozen=True)
 class SensorReadings:
-    """All that the rover's own sensors gave at one instant; ``gnss`` is None between fixes."""
+    """All that the rover's own sensors gave at one instant; ``gnss`` is None between fixes, a silent unit's too."""
 
     time_s: float
-    imu: ImuReading
+    imu: ImuReading | None
     wheel_speed_rad_s: tuple[float, ...]  # left side front to rear, then right side front to rear
     gnss: GnssReading | None = None
     battery: BatteryReading | None = None  # None: the rover has none that can be read

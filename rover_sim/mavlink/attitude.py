@@ -19,7 +19,8 @@ def attitude(context: Context) -> Message | None:
     if context.estimate is None:
         return None
     roll, pitch, yaw = euler_from_quaternion(context.estimate.pose.quaternion_w)
-    rates = context.readings.imu.rate_b if context.readings is not None else (0.0, 0.0, 0.0)
+    imu = None if context.readings is None else context.readings.imu
+    rates = (0.0, 0.0, 0.0) if imu is None else imu.rate_b
     return mavlink.MAVLink_attitude_message(
         context.boot_ms,
         roll,

@@ -30,6 +30,7 @@ def sys_status(context: Context) -> Message:
         healthy &= ~mavlink.MAV_SYS_STATUS_PREARM_CHECK
     if context.estimate is None:
         healthy &= ~mavlink.MAV_SYS_STATUS_AHRS
+    healthy &= ~_silent(context)
     # The fence bit is always present, and healthy unless breached: MAVProxy reports a breach otherwise.
     present = enabled | mavlink.MAV_SYS_STATUS_GEOFENCE
     if context.autopilot.fence.on:
@@ -47,6 +48,20 @@ def sys_status(context: Context) -> Message:
     return mavlink.MAVLink_sys_status_message(
         present, enabled, healthy, 0, voltage_mv, current_ca, left, 0, 0, 0, 0, 0, 0
     )
+
+
+def _silent(context: Context) -> int:
+    """Bits of the inertial sensors that give nothing."""
+    if context.readings is None:
+        return 0
+    imu = context.readings.imu
+    if imu is None:
+        return int(
+            mavlink.MAV_SYS_STATUS_SENSOR_3D_GYRO
+            | mavlink.MAV_SYS_STATUS_SENSOR_3D_ACCEL
+            | mavlink.MAV_SYS_STATUS_SENSOR_3D_MAG
+        )
+    return int(mavlink.MAV_SYS_STATUS_SENSOR_3D_MAG) if imu.heading_rad is None else 0
 
 
 def battery_status(context: Context) -> Message:

@@ -6,12 +6,16 @@ Noise figures are of the class of hardware named beside them; they are ours, not
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from math import atan2, floor, radians, tau
 
 import numpy as np
 
+from rover_sim.sim.faults import gnss_offset_w, sensor_lost
 from rover_sim.sim.rover import RoverModel
+from worlds.fault_events import Event, LosableSensor
 from worlds.geometry import rotation_from_quaternion, wrap_angle
+from worlds.scenario import Scenario
 from worlds.types import BatteryReading, FloatArray, GnssReading, ImuReading, SensorReadings, Vector3
 
 _ACCELERATION_BIAS_SD = 0.02  # m/s^2, calibrated MEMS
@@ -30,8 +34,9 @@ _COUNTS_PER_TURN = 16384
 class Sensors:
     """Sensor models of one rover; all randomness comes from ``rng``."""
 
-    def __init__(self, gnss: bool, gravity_m_s2: float, rover: RoverModel, rng: np.random.Generator) -> None:
-        self._gnss, self._gravity, self._rng = gnss, gravity_m_s2, rng
+    def __init__(self, scenario: Scenario, rover: RoverModel, rng: np.random.Generator) -> None:
+        self._gnss, self._gravity, self._rng = scenario.sensors.gnss, scenario.gravity_m_s2, rng
+        self._events = scenario.event
         self._centre_b = np.array(rover.chassis.centre_of_mass_m)
         self._acceleration_bias = rng.normal(0.0, _ACCELERATION_BIAS_SD, 3).tolist()
         self._rate_bias = rng.normal(0.0, _RATE_BIAS_SD, 3).tolist()
@@ -56,7 +61,8 @@ class Sensors:
         imu = self._imu(rotation.tolist(), raw[7:13].tolist(), span)
         speeds = self._wheel_speeds(wheel_angles_rad, span)
         self._time_s, self._velocity = time_s, raw[7:10].tolist()
-        self._last = SensorReadings(time_s, imu, speeds, self._fix(time_s, rotation, raw), battery)
+        sound = SensorReadings(time_s, imu, speeds, self._fix(time_s, rotation, raw), battery)
+        self._last = with_faults(sound, self._events) if self._events else sound
         return self._last
 
     def _imu(self, rotation: list[list[float]], motion: list[float], span: float) -> ImuReading:
@@ -91,6 +97,23 @@ class Sensors:
         position = raw[:3] - offset + self._rng.normal(0.0, spread)
         velocity = raw[7:10] - np.cross(raw[10:13], offset) + self._rng.normal(0.0, _GNSS_VELOCITY_SD, 3)
         return GnssReading(_vector(position), _vector(velocity), _GNSS_HORIZONTAL_SD_M)
+
+
+def with_faults(sound: SensorReadings, events: Sequence[Event]) -> SensorReadings:
+    """The readings as the faults of their time leave them."""
+
+    def lost(sensor: LosableSensor) -> bool:
+        return sensor_lost(events, sensor, sound.time_s)
+
+    imu, gnss, speeds = sound.imu, sound.gnss, sound.wheel_speed_rad_s
+    if imu is not None and lost("magnetometer"):
+        imu = replace(imu, heading_rad=None)
+    if gnss is not None:
+        x, y, z = np.add(gnss.position_w, gnss_offset_w(events, sound.time_s)).tolist()
+        gnss = None if lost("gnss") else replace(gnss, position_w=(x, y, z))
+    if lost("encoder"):  # its counter stands
+        speeds = (0.0,) * len(speeds)
+    return replace(sound, imu=None if lost("imu") else imu, gnss=gnss, wheel_speed_rad_s=speeds)
 
 
 def _count(angles_rad: Sequence[float]) -> list[int]:

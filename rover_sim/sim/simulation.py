@@ -14,6 +14,8 @@ from rover_sim.sim import world as physics
 from rover_sim.sim.battery import Battery
 from rover_sim.sim.bullet import pybullet
 from rover_sim.sim.contacts import ContactReader
+from rover_sim.sim.faults import check_wheels
+from rover_sim.sim.motors import Motors
 from rover_sim.sim.obstacle_bodies import ObstacleBodies
 from rover_sim.sim.rover import RoverModel
 from rover_sim.sim.rover_ground import RoverGround
@@ -53,6 +55,7 @@ class Simulation:
     ) -> None:
         self.world, self.rover, self.dt = world, rover, time_step_s
         gravity = world.scenario.gravity_m_s2
+        check_wheels(world.scenario.event, rover.name, len(rover.wheel.positions_m), world.scenario.name)
         self._ground = RoverGround(world, rover)
         self._client = physics.connect(gravity, time_step_s)
         pose = placement.resting_pose(world.ground, world.start, rover, self._ground.soil, gravity)
@@ -61,16 +64,15 @@ class Simulation:
         self._contacts = ContactReader(self._client, self._body, self._obstacles)
         self._balance = truth.balance_of(rover, gravity)
         self._around = Surroundings(self._contacts.obstacles, rover)
-        self._sensors = Sensors(world.scenario.sensors.gnss, gravity, rover, rng)
-        self._wheel_targets = [0.0] * len(self._body.wheels)
-        self._steady: tuple[float, ...] | None = None  # a command that the set points have reached
+        self._sensors = Sensors(world.scenario, rover, rng)
+        self._held = (0.0,) * len(self._body.wheels)
         self._chassis_and_wheels = self._ground.raw[: 13 + len(self._body.wheels)]  # a view
         self._recent_motion: deque[truth.Motion] = deque(maxlen=_ACCELERATION_STEPS)
         self._pushed: Vector3 = _NO_PUSH
         self._seen: VehicleState | None = None
         self._battery = Battery(rover, world.scenario.rover.charge)
         self._start_clock()
-        physics.drive_wheels(self._client, self._body, self._wheel_targets, rover.motor.max_torque_Nm)
+        self._motors = Motors(self._client, self._body, rover, world.scenario)
         self._read()
         self._settle()
 
@@ -82,7 +84,8 @@ class Simulation:
     def step(self, wheel_speed_rad_s: Sequence[float]) -> None:
         """Advance one time step; the speeds are of the left side front to rear, then of the right side."""
         self._seen = None
-        self._command(wheel_speed_rad_s)
+        held = self._battery.empty
+        self._motors.command(self._held if held else wheel_speed_rad_s, self.time_s, self.dt)
         self._belly = self._ground.step(self.dt) > 0
         self._push()
         self._obstacles.follow(float(self._ground.raw[0]), float(self._ground.raw[1]))
@@ -163,35 +166,17 @@ class Simulation:
     def _settle(self) -> None:
         """Let the rover come to rest with its wheels held, then start the clock."""
         still = 0
-        held = [0.0] * len(self._wheel_targets)
         for _ in range(int(_SETTLE_S / self.dt)):
-            self.step(held)
+            self.step(self._held)
             speeds = self._ground.raw[7:13]
             still = still + 1 if np.abs(speeds).max() < _STILL_SPEED else 0
             if still > 0.1 / self.dt:
                 break
         self._start_clock()
+        self._motors.start()
         self._contacts.take()
         self._contacts.take_wheel_touch()
         self._sensors.start(self._ground.raw, self._wheel_angles)
-
-    def _command(self, speeds: Sequence[float]) -> None:
-        """Move the motors' set points toward the command, within their acceleration and speed."""
-        motor = self.rover.motor
-        if self._battery.empty:
-            speeds = [0.0] * len(self._wheel_targets)
-        if tuple(speeds) == self._steady:
-            return
-        change = motor.max_acceleration_rad_s2 * self.dt
-        targets = [
-            now + min(max(min(max(wish, -motor.max_speed_rad_s), motor.max_speed_rad_s) - now, -change), change)
-            for now, wish in zip(self._wheel_targets, speeds, strict=True)
-        ]
-        if targets != self._wheel_targets:
-            self._wheel_targets, self._steady = targets, None
-            physics.drive_wheels(self._client, self._body, targets, motor.max_torque_Nm)
-        else:
-            self._steady = tuple(speeds)
 
     def _push(self) -> None:
         """Hand the forces of the ground to PyBullet."""

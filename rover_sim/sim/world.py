@@ -131,13 +131,13 @@ def _set_dynamics(client: int, body: RoverBody, rover: RoverModel) -> None:
         )
 
 
-def drive_wheels(client: int, rover: RoverBody, speeds_rad_s: Sequence[float], torque_Nm: float) -> None:
-    """Set the speeds that the motors hold, each with at most ``torque_Nm``."""
+def drive_wheels(client: int, rover: RoverBody, speeds_rad_s: Sequence[float], torques_Nm: Sequence[float]) -> None:
+    """Set the speeds that the motors hold, each with at most its torque."""
     pybullet.setJointMotorControlArray(
         rover.body,
         rover.wheels,
         pybullet.VELOCITY_CONTROL,
         targetVelocities=speeds_rad_s,
-        forces=[torque_Nm] * len(rover.wheels),
+        forces=torques_Nm,
         physicsClientId=client,
     )
