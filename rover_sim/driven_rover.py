@@ -8,6 +8,9 @@ import numpy as np
 
 from planner import localization
 from planner.localization import SensorModel
+from rover_sim.autopilot.autopilot import Autopilot
+from rover_sim.autopilot.modes import Severity
+from rover_sim.fault_log import FaultLog
 from rover_sim.sim.mobility_events import MobilityLog
 from rover_sim.sim.recorder import TraceRecorder
 from rover_sim.sim.rover_urdf import wheel_names
@@ -59,6 +62,7 @@ class DrivenRover:
         self._driver, self.footprint, self._trace_s = driver, rover.footprint(), TRACE_STEPS / steps_per_s
         sensor_rng = np.random.default_rng([world.seed, SENSOR_STREAM])
         self.simulation = Simulation(world, rover, sensor_rng, time_step_s=1.0 / steps_per_s)
+        self.faults = FaultLog(world.scenario.event, built_in=isinstance(driver, Autopilot))
         self.recorder, self.mobility = TraceRecorder(), MobilityLog(rover, gravity_m_s2)
         self._wheel_names, self._sensor_model = wheel_names(rover), SensorModel(gravity_m_s2=gravity_m_s2)
         readings = self.simulation.read_sensors()
@@ -84,8 +88,10 @@ class DrivenRover:
         return readings
 
     def watch(self, narrator: Narrator) -> None:
-        """Look for mobility events of the true state and have them told."""
+        """Look for mobility events of the true state, and for faults, and have them told."""
         state = self.simulation.state
+        for text in self.faults.turns(state.time_s):
+            narrator.say(Severity.WARNING, f"SIM: {text}")
         narrator.tell(state, self.mobility.look(state, self._trace_s), self._wheel_names)
 
     def record(self, **more: ArrayLike) -> None:

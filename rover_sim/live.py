@@ -51,6 +51,7 @@ class LiveStatus:
     speed_m_s: float
     slip: float
     listeners: int
+    faults: str  # those that last; empty without any
 
 
 class LiveRover:
@@ -161,4 +162,5 @@ class LiveRover:
             speed_m_s=float(np.hypot(*state.linear_velocity_w[:2])),
             slip=float(np.abs(state.slip).mean()),
             listeners=self.vehicle.endpoint.station_count,
+            faults=self._rover.faults.lasting,
         )

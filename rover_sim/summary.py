@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -106,6 +106,7 @@ def summarize(
     ttam: float | None,
     detail: str,
     events: Sequence[MobilityEvent],
+    faults: Mapping[str, Any],
 ) -> dict[str, Any]:
     """All keys of ``summary.json``; ``detail`` is the sentence for a person behind ``reason``."""
     sim_time_s = float(trace["time_s"][-1])
@@ -121,6 +122,7 @@ def summarize(
         **motion_figures(trace, identity),
         **asdict(counts),
         **event_figures(events),
+        "faults": dict(faults),
         "ttam": None if ttam is None else _rounded(ttam, 2),
         "version": __version__,
     }

@@ -75,6 +75,7 @@ class Status:
     share_done: float
     slip: float
     doing: str
+    faults: str  # those that last; empty without any
 
 
 class Stepped(NamedTuple):
@@ -186,6 +187,7 @@ class Traverse:
             ttam=self._classes.ttam(),
             detail=detail,
             events=self.events,
+            faults=self._rover.faults.summary(self.simulation.time_s),
         )
 
     @property
@@ -231,6 +233,8 @@ class Traverse:
         readings = self._rover.control()
         self._stack.tick(self.simulation.time_s, self._rover.estimate, readings)
         self.onboard.tick(self._rover.estimate)
+        if self.world.scenario.event:
+            self._rover.faults.hear(self.simulation.time_s, self._stack.companion.status, self.onboard.doing)
 
     def _see(self, step: int, on_sight: Callable[[Sight], None]) -> bool:
         """Use the eyes whose time it is; whether any was."""
@@ -343,4 +347,5 @@ class Traverse:
         whole = float(np.hypot(*np.subtract(scenario.goal.position_m, scenario.rover.start_m)))
         left = self._goal_distance(state)
         slip = float(np.abs(state.slip).mean())
-        return Status(state.time_s, left, max(0.0, 1.0 - left / max(whole, 1e-9)), slip, self.onboard.doing)
+        done = max(0.0, 1.0 - left / max(whole, 1e-9))
+        return Status(state.time_s, left, done, slip, self.onboard.doing, self._rover.faults.lasting)

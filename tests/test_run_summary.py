@@ -59,7 +59,15 @@ def _trace() -> TraceRecorder:
 def _summary(reason: Reason = Reason.GOAL) -> dict[str, object]:
     identity = Identity("demo", 7, (0.0, 0.0), (3.0, 4.5), 0.1)
     return summarize(
-        _trace().arrays(), identity, Counts(collisions=1), reason, wall_time_s=0.5, ttam=None, detail="", events=[]
+        _trace().arrays(),
+        identity,
+        Counts(collisions=1),
+        reason,
+        wall_time_s=0.5,
+        ttam=None,
+        detail="",
+        events=[],
+        faults={"events": [], "responses": []},
     )
 
 

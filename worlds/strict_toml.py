@@ -10,7 +10,7 @@ import tomllib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from types import UnionType
-from typing import Any, Literal, TypeVar, get_args, get_origin
+from typing import Any, Literal, TypeVar, Union, get_args, get_origin
 
 import msgspec
 
@@ -121,6 +121,8 @@ def _type_message(text: str, table: Mapping[str, Any], structure: type[msgspec.S
 
 
 def _expectation(problem: str, kind: Any) -> str:
+    if get_origin(kind) is Union:  # a choice that may be left out
+        kind = get_args(kind)[0]
     if get_origin(kind) is Literal:
         return f"allowed are {', '.join(map(str, get_args(kind)))}"
     length = re.match(r"Expected `array` of length (\d+), got (\d+)", problem)

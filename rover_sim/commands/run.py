@@ -36,6 +36,7 @@ def execute(args: argparse.Namespace) -> int:
     """Run the traverse; 0 if the goal was reached, 1 if not."""
     from rover_sim import run_folder
     from rover_sim.commands.traverse_display import expected_s, print_summary, progress_bar
+    from rover_sim.fault_log import idle_notes
     from rover_sim.files import output_folder
     from rover_sim.mavlink.faults import parse_faults
     from rover_sim.sights import Sights
@@ -52,7 +53,7 @@ def execute(args: argparse.Namespace) -> int:
     options = RunOptions(connect=tuple(args.connect), faults=faults, realtime=args.realtime)
     with stop_flag() as stopped, progress_bar(scenario.name, args.seed) as show:
         world = build_world(scenario, args.seed, source=args.scenario)
-        for note in world.notes:
+        for note in (*world.notes, *idle_notes(scenario.event, built_in=True)):
             print(f"rover-sim run: {note}", file=sys.stderr)  # noqa: T201 - one line that a user must see
         run_folder.clear(output_folder(folder))
         video = folder / run_folder.VIDEO if args.record_video else None

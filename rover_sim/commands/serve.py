@@ -51,6 +51,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def execute(args: argparse.Namespace) -> int:
     """Serve until Ctrl-C (0), or until the rover leaves the map (1)."""
     from rover_sim import live
+    from rover_sim.fault_log import idle_notes
     from rover_sim.files import output_folder
     from rover_sim.mavlink.faults import parse_faults
     from rover_sim.mavlink.persona import PERSONAS as TABLE
@@ -69,7 +70,7 @@ def execute(args: argparse.Namespace) -> int:
     signing = open_signing(args.signing_key, unix_time_s, folder)
     with stop_flag() as stopped, _display() as show:
         world = build_world(scenario, args.seed, source=args.scenario)
-        for note in world.notes:
+        for note in (*world.notes, *idle_notes(scenario.event, built_in=True)):
             print(f"rover-sim serve: {note}", file=sys.stderr)  # noqa: T201 - one line that a user must see
         output_folder(folder)
         for name in live.FILES:
@@ -121,6 +122,7 @@ def _display() -> Iterator[Callable[[LiveStatus], None]]:
                 f"t {status.time_s:6.0f} s  {status.mode} {armed}  {status.speed_m_s:4.2f} m/s  "
                 f"slip {100 * status.slip:3.0f} %  links {status.listeners}  "
                 f"real-time factor {status.real_time_factor:4.2f}"
+                + (f"  [red]{status.faults}[/red]" if status.faults else "")
             )
 
         yield show

@@ -57,6 +57,7 @@ def progress_bar(name: str, seed: int) -> Iterator[Callable[[Status], None]]:
             text = (
                 f"t {status.time_s:5.1f} s  goal {status.goal_distance_m:5.1f} m  "
                 f"slip {100 * status.slip:3.0f} %  {status.doing}"
+                + (f"  [red]{status.faults}[/red]" if status.faults else "")
             )
             progress.update(task, completed=status.share_done, numbers=text)
 
@@ -76,6 +77,10 @@ def print_summary(summary: dict[str, Any], folder: Path) -> None:
             table.add_row(label, f"{value:.3f}".rstrip("0").rstrip(".") if isinstance(value, float) else str(value))
     counts = [f"{kind.replace('_', ' ')} {count}" for kind, count in summary["event_counts"].items() if count]
     table.add_row("mobility events", ", ".join(counts) or "none")
+    for fault in summary["faults"]["events"]:
+        over = "to the end" if fault["over_s"] is None else f"to {fault['over_s']:g} s"
+        when = f"from {fault['time_s']:g} s {over}" if fault["happened"] else "did not happen"
+        table.add_row("fault", f"{fault['fault']}, {when}")
     console = Console()
     console.print(table)
     left = ", ".join(sorted(path.name for path in folder.iterdir()))

@@ -43,15 +43,19 @@ class Narrator:
         """
         for kind in dict.fromkeys(event.kind for event in begun):
             at = [event.wheel for event in begun if event.kind is kind and event.wheel is not None]
-            self._texts = self._texts % 60000 + 1
-            for message in status_texts(_SEVERITY[kind], event_text(kind, at, wheels), self._texts):
-                self._endpoint.tell_as_simulator(message)
+            self.say(_SEVERITY[kind], event_text(kind, at, wheels))
         if state.time_s >= self._due_s:
             self._due_s = state.time_s + _PERIOD_S
             for name, value in named_values(state).items():
                 boot_ms = int(1e3 * state.time_s) & 0xFFFFFFFF
                 message = mavlink.MAVLink_named_value_float_message(boot_ms, name.encode("ascii"), value)
                 self._endpoint.tell_as_simulator(message)
+
+    def say(self, severity: Severity, text: str) -> None:
+        """A STATUSTEXT."""
+        self._texts = self._texts % 60000 + 1
+        for message in status_texts(severity, text, self._texts):
+            self._endpoint.tell_as_simulator(message)
 
 
 def event_text(kind: Kind, at: Sequence[int], wheels: Sequence[str]) -> str:

@@ -55,6 +55,13 @@ class Motors:
         else:
             self._steady = tuple(speeds_rad_s)
 
+    def torques_Nm(self, read_Nm: list[float]) -> list[float]:
+        """What the motors give, from what PyBullet says: of one that is switched off it repeats its last torque."""
+        if WheelState.FREE not in self._states:
+            return read_Nm
+        free = [state is WheelState.FREE for state in self._states]
+        return [0.0 if off else torque for torque, off in zip(read_Nm, free, strict=True)]
+
     def _fail(self, states: tuple[WheelState, ...]) -> None:
         if states != self._states:
             self._states, self._steady = states, None

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from math import floor
 
 import numpy as np
 
 from rover_sim.sim import barometer, gnss, imu, magnetometer
+from rover_sim.sim.faults import gnss_offset_w, sensor_lost
 from rover_sim.sim.ned_state import NedState
 from rover_sim.sim.sensed import GnssSample, Sensed
+from worlds.fault_events import Event
 from worlds.sensor_tables import Barometer, Gnss, Imu, Magnetometer
 from worlds.types import World
 
@@ -35,8 +38,8 @@ class Ticker:
 class SensorSuite:
     """Feeds an estimator: `read` once a step of the physics, or as often as the estimator wants inertial samples.
 
-    A table that the scenario leaves out has the defaults of `worlds.sensor_tables`. The same seed gives the same
-    samples.
+    A table that the scenario leaves out has the defaults of `worlds.sensor_tables`; a sensor that a fault event
+    silences gives nothing. The same seed gives the same samples.
     """
 
     def __init__(self, world: World) -> None:
@@ -55,6 +58,7 @@ class SensorSuite:
         self._receiver = gnss.begin(self._gnss, 0.0, gnss_rng) if scenario.sensors.gnss else None
         self._field_due, self._pressure_due = Ticker(field.rate_hz), Ticker(self._barometer.rate_hz)
         self._fix_due = Ticker(self._gnss.rate_hz)
+        self._events = scenario.event
         self._last: Sensed | None = None
 
     def read(self, truth: NedState) -> Sensed:
@@ -69,13 +73,27 @@ class SensorSuite:
             self._pressure, pressure = barometer.read(
                 self._barometer, self._pressure, truth, self._altitude_m, pressure_rng
             )
-        self._last = Sensed(truth.time_s, inertial, field, pressure, self._fix(truth))
+        told = Sensed(truth.time_s, inertial, field, pressure, self._fix(truth))
+        self._last = _with_losses(told, self._events) if self._events else told
         return self._last
 
     def _fix(self, truth: NedState) -> GnssSample | None:
         if self._receiver is None:
             return None
         if self._fix_due.due(truth.time_s):
-            self._receiver = gnss.measure(self._gnss, self._receiver, truth, self._streams[3])
+            east, north, up = gnss_offset_w(self._events, truth.time_s)
+            jump = (north, east, -up)
+            self._receiver = gnss.measure(self._gnss, self._receiver, truth, self._streams[3], jump)
         self._receiver, sample = gnss.report(self._gnss, self._receiver, truth.time_s)
         return sample
+
+
+def _with_losses(told: Sensed, events: Sequence[Event]) -> Sensed:
+    """What is left while faults silence sensors."""
+    return replace(
+        told,
+        imu=None if sensor_lost(events, "imu", told.time_s) else told.imu,
+        magnetometer=None if sensor_lost(events, "magnetometer", told.time_s) else told.magnetometer,
+        barometer=None if sensor_lost(events, "barometer", told.time_s) else told.barometer,
+        gnss=None if sensor_lost(events, "gnss", told.time_s) else told.gnss,
+    )

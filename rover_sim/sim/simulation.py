@@ -207,7 +207,7 @@ class Simulation:
             raw[13 + len(joints) :] = [joint[0] for joint in arms] + [joint[1] for joint in arms]
         self._wheel_angles = [joint[0] for joint in joints]
         self._wheel_speeds = [joint[1] for joint in joints]
-        self._torques = [joint[3] for joint in joints]
+        self._torques = self._motors.torques_Nm([joint[3] for joint in joints])
         self._chassis_and_wheels[:] = (*position, *quaternion, *velocity, *rate, *self._wheel_speeds)
         self._recent_motion.append((velocity, rate, self._pushed))
         self._pushed = _NO_PUSH
