@@ -40,3 +40,14 @@ def seconds(text: str) -> float:
     if not (isfinite(value) and value > 0.0):
         raise argparse.ArgumentTypeError(f"{text!r} is not a number of seconds above 0")
     return value
+
+
+def factor(text: str) -> float:
+    """A speed in multiples of the wall clock's."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = nan
+    if not 0.1 <= value <= 20.0:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a number from 0.1 to 20")
+    return value

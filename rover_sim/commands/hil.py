@@ -7,6 +7,7 @@ from importlib import import_module
 
 AUTOPILOTS = {
     "ardupilot": "ArduPilot Rover, by its JSON interface",
+    "px4": "PX4, by its MAVLink simulator interface, as a program or on a board",
 }
 
 

@@ -19,7 +19,7 @@ from rover_sim.hil.outputs import OutputDriver
 from rover_sim.hil.session import Driven, Watchers
 from rover_sim.mavlink.foreign_pursuit import Patience
 from rover_sim.mavlink.geodesy import GeoPoint, LocalFrame, heading_deg
-from rover_sim.mavlink.transport import open_link, parse_url
+from rover_sim.mavlink.transport import Transport, open_link, parse_url
 from rover_sim.outcome import Reason
 from rover_sim.sights import Sights
 from rover_sim.sim.rover import RoverModel, load_rover
@@ -57,11 +57,10 @@ class Stage:
     url: str  # of the autopilot's MAVLink
     watchers: Watchers
 
-    def begin(self, steps_per_s: int = STEPS_PER_S) -> Driven:
-        """The traverse from its start, with a new link for the missions."""
-        link = AutopilotLink(
-            self.world.origin, home(self.world), open_link(self.url), self.folder / run_folder.TLOG, _PATIENCE
-        )
+    def begin(self, steps_per_s: int = STEPS_PER_S, missions: Transport | None = None) -> Driven:
+        """The traverse from its start, with a new link for the missions unless one is given."""
+        transport = open_link(self.url) if missions is None else missions
+        link = AutopilotLink(self.world.origin, home(self.world), transport, self.folder / run_folder.TLOG, _PATIENCE)
         outputs = OutputDriver(self.rover.footprint())
         # Before that the companion itself gives up an autopilot that says nothing, and says what it waited for.
         options = RunOptions(link_grace_s=_PATIENCE.vehicle_s + 1.0)

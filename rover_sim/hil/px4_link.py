@@ -6,8 +6,7 @@ from rover_sim.errors import InputError, LinkError
 from rover_sim.mavlink.tcp import TcpServer
 from rover_sim.mavlink.transport import parse_url
 
-DEFAULT_BIND = "127.0.0.1:4560"
-ALLOWED = f"HOST:PORT, such as {DEFAULT_BIND}, or a board's /dev/DEVICE,SPEED"
+_ALLOWED = "HOST:PORT, such as 127.0.0.1:4560, or a board's /dev/DEVICE,SPEED"
 
 
 def open_port(bind: str) -> TcpServer:
@@ -15,7 +14,7 @@ def open_port(bind: str) -> TcpServer:
     try:
         url = parse_url(f"tcpin:{bind}")
     except InputError as error:
-        raise InputError(f"--bind {bind!r}: allowed: {ALLOWED}") from error
+        raise InputError(f"--bind {bind!r}: allowed: {_ALLOWED}") from error
     try:
         return TcpServer(url, most_clients=1)
     except LinkError as error:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from math import isfinite
-from typing import Any
+from typing import Any, Self
 
 from rover_sim.errors import LinkError
 from rover_sim.hil.px4_messages import STEP_USEC
@@ -16,6 +16,7 @@ from rover_sim.outcome import Reason
 from rover_sim.pacing import Beat, WallClock
 from rover_sim.sim.ned_state import NedState
 from rover_sim.sim.sensor_suite import SensorSuite
+from rover_sim.traverse import Traverse
 
 STEPS_PER_S = 1_000_000 // STEP_USEC
 _LOOK_S = 0.25  # how often a wish to stop is looked at while nothing comes
@@ -32,13 +33,24 @@ class Clockwork:
 
 
 class Px4Session:
-    """One traverse under a PX4; one that begins anew is served on from where the rover is."""
+    """One traverse under a PX4, closed with it; a PX4 that begins anew is served on from where the rover is."""
 
     def __init__(self, peer: Px4Peer, driven: Driven, clockwork: Clockwork, watchers: Watchers = NOBODY) -> None:
         self._peer, self._driven, self._clockwork, self._watchers = peer, driven, clockwork, watchers
         self._sensors = SensorSuite(driven.traverse.world)
         self._sampler = NedSampler(driven.traverse.simulation)
         self._beat, self._steps, self._connections = Beat(), 0, 0
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.traverse.close()
+
+    @property
+    def traverse(self) -> Traverse:
+        """The traverse."""
+        return self._driven.traverse
 
     def run(self) -> dict[str, Any]:
         """Serve until the traverse ends and return its summary, with how the link did under ``hil``.
@@ -49,7 +61,7 @@ class Px4Session:
         clock = WallClock()
         while ended is None:
             ended = self._step() if self._peer.connected else self._await_px4()
-        summary = self._driven.traverse.summary(*ended, wall_time_s=clock.elapsed_s())
+        summary = self.traverse.summary(*ended, wall_time_s=clock.elapsed_s())
         return {**summary, "hil": self._figures()}
 
     def _await_px4(self) -> End | None:
@@ -87,7 +99,7 @@ class Px4Session:
 
     def _step(self) -> End | None:
         """One exchange with PX4, and one step of the traverse under what it said."""
-        traverse, watchers = self._driven.traverse, self._watchers
+        traverse, watchers = self.traverse, self._watchers
         truth = self._sampler.sample()
         if not _is_finite(truth):
             return Reason.ERROR, "the physics gave a number that is not finite; PX4 was not told"

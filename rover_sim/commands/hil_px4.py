@@ -1,0 +1,129 @@
+"""``rover-sim hil px4``: the simulator of PX4, as a program or on a board, and the planner that sends it missions."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rover_sim.arguments import factor, seconds, seed
+
+if TYPE_CHECKING:
+    from rover_sim.commands.hil_stage import Stage
+    from rover_sim.hil.px4_peer import Profile
+    from rover_sim.hil.px4_session import Px4Session
+    from rover_sim.mavlink.transport import Transport
+
+DEFAULT_BIND = "127.0.0.1:4560"
+DEFAULT_AUTOPILOT = "udpin:127.0.0.1:14540"
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """The arguments of the command."""
+    parser.add_argument("scenario", nargs="?", default="demo", help="shipped name or TOML path (default: demo)")
+    parser.add_argument("--seed", type=seed, default=0, help="world and sensor noise, 0 to 2^32 - 1 (default: 0)")
+    parser.add_argument(
+        "--bind",
+        default=DEFAULT_BIND,
+        metavar="HOST:PORT",
+        help=f"where PX4 connects to its simulator, or a board as /dev/ttyACM0,921600 (default: {DEFAULT_BIND})",
+    )
+    parser.add_argument(
+        "--autopilot",
+        metavar="URL",
+        help=f"its MAVLink, to which missions are sent (default: {DEFAULT_AUTOPILOT}; of a board: the same line)",
+    )
+    parser.add_argument(
+        "--connect",
+        action="append",
+        default=[],
+        metavar="URL",
+        help="pass a board's line on to a ground station, e.g. udpout:127.0.0.1:14550; repeatable",
+    )
+    parser.add_argument("--speed", type=factor, default=1.0, help="of the wall clock, at most; a board has 1 (default)")
+    parser.add_argument("--out", type=Path, help="folder for the results (default: runs/hil-NAME-SEED)")
+    parser.add_argument("--write-params", type=Path, metavar="FILE", help="first write parameters that fit the rover")
+    parser.add_argument("--wait", type=seconds, default=60.0, metavar="S", help="wait so long for PX4 (default: 60)")
+
+
+def execute(args: argparse.Namespace) -> int:
+    """Drive until the traverse ends: 0 at the goal, 1 if it was not reached, 3 where the link failed."""
+    from rover_sim.commands.hil_stage import conduct
+    from rover_sim.hil.serial_board import is_board
+
+    board = is_board(args.bind)
+    _check(args, board=board)
+    if args.autopilot is None:
+        args.autopilot = args.bind if board else DEFAULT_AUTOPILOT
+    return conduct(args, lambda stage: _session(args, stage, board=board))
+
+
+def _check(args: argparse.Namespace, *, board: bool) -> None:
+    from rover_sim.errors import InputError
+
+    if args.connect and not board:
+        raise InputError("--connect: for a board's line only; PX4 as a program talks to ground stations itself")
+    if args.speed != 1.0 and board:
+        raise InputError(f"--speed {args.speed:g}: a board has a clock of its own; allowed: 1")
+
+
+@contextmanager
+def _session(args: argparse.Namespace, stage: Stage, *, board: bool) -> Iterator[Px4Session]:
+    from rover_sim.commands.hil_stage import say
+    from rover_sim.hil.px4_link import open_port
+    from rover_sim.hil.px4_peer import BOARD, PROGRAM
+    from rover_sim.hil.serial_board import SharedLine, open_board
+
+    if args.write_params is not None:
+        _write_parameters(args.write_params, stage, board=board)
+    if board:
+        line = SharedLine(open_board(args.bind), args.connect)
+        planner = line.planner if args.autopilot == args.bind else None
+        with _opened(args, stage, line.simulator, BOARD, planner) as session:
+            yield session
+        return
+    port = open_port(args.bind)
+    say(f"PX4 is expected at {args.bind}; start it with its MAVLink simulator (simulator_mavlink start -c {port.port})")
+    with _opened(args, stage, port, PROGRAM, None) as session:
+        yield session
+
+
+@contextmanager
+def _opened(
+    args: argparse.Namespace, stage: Stage, transport: Transport, profile: Profile, planner: Transport | None
+) -> Iterator[Px4Session]:
+    """A session over an open transport, which is closed with it; ``planner``: the line's end for the missions."""
+    from rover_sim.hil.px4_peer import Px4Peer
+    from rover_sim.hil.px4_session import STEPS_PER_S, Clockwork, Px4Session
+    from rover_sim.mavlink.geodesy import LocalFrame
+    from rover_sim.pacing import RealTime, wait_for_news
+
+    try:
+        driven = stage.begin(STEPS_PER_S, planner)
+        pace = RealTime()
+        clockwork = Clockwork(wait_for_news, lambda time_s: pace.left_s(time_s / args.speed), args.wait)
+        x, y, z = driven.traverse.simulation.chassis_motion[:3].tolist()
+        peer = Px4Peer(transport, LocalFrame(stage.world.origin), (x, y, z), args.bind, profile)
+        with Px4Session(peer, driven, clockwork, stage.watchers) as session:
+            yield session
+    finally:
+        transport.close()
+
+
+def _write_parameters(path: Path, stage: Stage, *, board: bool) -> None:
+    """Measure how the rover handles on the world's soil and write what follows; raises InputError."""
+    from rover_sim.errors import InputError
+    from rover_sim.files import write_text
+    from rover_sim.hil.handling import measure_handling
+    from rover_sim.hil.px4_parameters import parameter_text, parameters
+
+    scenario = stage.world.scenario
+    handling = measure_handling(stage.rover, stage.world.soil, scenario.gravity_m_s2)
+    about = f"PX4 for {stage.rover.name} on {stage.world.soil.name}, {scenario.gravity_m_s2:g} m/s2"
+    values = parameters(stage.rover, handling, scenario.goal.radius_m, board=board)
+    try:
+        write_text(path, parameter_text(values, about))
+    except OSError as error:
+        raise InputError(f"--write-params {path}: {error.strerror}; give a file that may be written") from error
