@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from math import floor
+from dataclasses import replace
 
 import numpy as np
 
@@ -12,27 +11,12 @@ from rover_sim.sim import barometer, gnss, imu, magnetometer
 from rover_sim.sim.faults import gnss_offset_w, sensor_lost
 from rover_sim.sim.ned_state import NedState
 from rover_sim.sim.sensed import GnssSample, Sensed
+from rover_sim.sim.ticker import Ticker
 from worlds.fault_events import Event
 from worlds.sensor_tables import Barometer, Gnss, Imu, Magnetometer
 from worlds.types import World
 
 _FIRST_STREAM = 201  # of the seed
-
-
-@dataclass
-class Ticker:
-    """Says when something that comes so often a second is due, on whole periods since time zero."""
-
-    rate_hz: float
-    next: int = 0
-
-    def due(self, time_s: float) -> bool:
-        """Whether it is due; at most once a call, and missed periods are left out."""
-        periods = floor(time_s * self.rate_hz + 1e-6)
-        if periods < self.next:
-            return False
-        self.next = periods + 1
-        return True
 
 
 class SensorSuite:

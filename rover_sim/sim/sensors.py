@@ -1,6 +1,7 @@
 """The rover's own sensors with seeded noise: inertial unit, compass, satellite receiver, wheel encoders.
 
-Noise figures are of the class of hardware named beside them; they are ours, not of one data sheet.
+Noise figures are of the class of hardware named beside them; they are ours, not of one data sheet. A table of the
+scenario (`worlds.sensor_tables`) puts a sensor of its own in the place of the one here.
 """
 
 from __future__ import annotations
@@ -13,10 +14,10 @@ import numpy as np
 
 from rover_sim.sim.faults import gnss_offset_w, sensor_lost
 from rover_sim.sim.rover import RoverModel
+from rover_sim.sim.table_sensors import TableSensors
 from worlds.fault_events import Event, LosableSensor
 from worlds.geometry import rotation_from_quaternion, wrap_angle
-from worlds.scenario import Scenario
-from worlds.types import BatteryReading, FloatArray, GnssReading, ImuReading, SensorReadings, Vector3
+from worlds.types import BatteryReading, FloatArray, GnssReading, ImuReading, SensorReadings, Vector3, World
 
 _ACCELERATION_BIAS_SD = 0.02  # m/s^2, calibrated MEMS
 _ACCELERATION_NOISE_SD = 0.03
@@ -34,7 +35,11 @@ _COUNTS_PER_TURN = 16384
 class Sensors:
     """Sensor models of one rover; all randomness comes from ``rng``."""
 
-    def __init__(self, scenario: Scenario, rover: RoverModel, rng: np.random.Generator) -> None:
+    def __init__(self, world: World, rover: RoverModel, rng: np.random.Generator) -> None:
+        scenario = world.scenario
+        self._tables, self._turn = TableSensors(world, rng), _COUNTS_PER_TURN
+        if scenario.encoder is not None:
+            self._turn = scenario.encoder.counts_per_turn
         self._gnss, self._gravity, self._rng = scenario.sensors.gnss, scenario.gravity_m_s2, rng
         self._events = scenario.event
         self._centre_b = np.array(rover.chassis.centre_of_mass_m)
@@ -46,7 +51,7 @@ class Sensors:
     def start(self, raw: FloatArray, wheel_angles_rad: Sequence[float]) -> None:
         """Begin at time zero with the rover at rest; ``raw`` as in `soil_kernels.ground_forces`."""
         self._time_s, self._velocity = 0.0, raw[7:10].tolist()
-        self._counts = _count(wheel_angles_rad)
+        self._counts = self._count(wheel_angles_rad)
         self._next_fix = 0
         self._last = None
 
@@ -58,45 +63,62 @@ class Sensors:
             return self._last
         span = time_s - self._time_s
         rotation = rotation_from_quaternion(raw[3:7])
-        imu = self._imu(rotation.tolist(), raw[7:13].tolist(), span)
+        imu = self._imu(time_s, rotation, raw[7:13].tolist(), span)
         speeds = self._wheel_speeds(wheel_angles_rad, span)
         self._time_s, self._velocity = time_s, raw[7:10].tolist()
         sound = SensorReadings(time_s, imu, speeds, self._fix(time_s, rotation, raw), battery)
         self._last = with_faults(sound, self._events) if self._events else sound
         return self._last
 
-    def _imu(self, rotation: list[list[float]], motion: list[float], span: float) -> ImuReading:
+    def _imu(self, time_s: float, rotation: FloatArray, motion: list[float], span: float) -> ImuReading:
         """Readings for a motion (6,) of velocity and rate in the world; plain numbers, as NumPy's calls are slower."""
-        (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = rotation
+        (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = rotation.tolist()
         noise = self._rng.standard_normal(7).tolist()
         x, y, z = ((now - old) / span if span > 0.0 else 0.0 for now, old in zip(motion, self._velocity, strict=False))
         z += self._gravity
         felt = (xx * x + yx * y + zx * z, xy * x + yy * y + zy * z, xz * x + yz * y + zz * z)
         x, y, z = motion[3:]
         turned = (xx * x + yx * y + zx * z, xy * x + yy * y + zy * z, xz * x + yz * y + zz * z)
-        heading = atan2(yx, xx) + self._heading_bias + _HEADING_NOISE_SD * noise[6]
+        heading = self._tables.heading(rotation)
+        if heading is None:
+            heading = wrap_angle(atan2(yx, xx) + self._heading_bias + _HEADING_NOISE_SD * noise[6])
+        tabled = self._tables.inertial(time_s, felt, turned, (motion[0], motion[1], motion[2]))
+        if tabled is not None:
+            return ImuReading(*tabled, heading)
         return ImuReading(
             _noisy(felt, self._acceleration_bias, _ACCELERATION_NOISE_SD, noise[:3]),
             _noisy(turned, self._rate_bias, _RATE_NOISE_SD, noise[3:6]),
-            wrap_angle(heading),
+            heading,
         )
 
     def _wheel_speeds(self, angles_rad: Sequence[float], span: float) -> tuple[float, ...]:
         """Mean speed of each wheel since the last reading, from whole encoder counts."""
-        counts = _count(angles_rad)
+        counts = self._count(angles_rad)
         moved = [now - before for now, before in zip(counts, self._counts, strict=True)]
         self._counts = counts
-        return tuple(count * tau / _COUNTS_PER_TURN / span if span > 0.0 else 0.0 for count in moved)
+        return tuple(count * tau / self._turn / span if span > 0.0 else 0.0 for count in moved)
+
+    def _count(self, angles_rad: Sequence[float]) -> list[int]:
+        return [floor(angle * self._turn / tau) for angle in angles_rad]
 
     def _fix(self, time_s: float, rotation: FloatArray, raw: FloatArray) -> GnssReading | None:
-        if not self._gnss or time_s + 1e-9 < self._next_fix * _GNSS_PERIOD_S:
+        if not self._gnss:
+            return None
+        if self._tables.gnss is not None:
+            return self._tables.fix(time_s, *self._body(rotation, raw))
+        if time_s + 1e-9 < self._next_fix * _GNSS_PERIOD_S:
             return None
         self._next_fix = floor(time_s / _GNSS_PERIOD_S + 1e-6) + 1
-        offset = rotation @ self._centre_b
         spread = [_GNSS_HORIZONTAL_SD_M, _GNSS_HORIZONTAL_SD_M, _GNSS_VERTICAL_SD_M]
-        position = raw[:3] - offset + self._rng.normal(0.0, spread)
-        velocity = raw[7:10] - np.cross(raw[10:13], offset) + self._rng.normal(0.0, _GNSS_VELOCITY_SD, 3)
+        position, velocity = self._body(rotation, raw)
+        position = position + self._rng.normal(0.0, spread)
+        velocity = velocity + self._rng.normal(0.0, _GNSS_VELOCITY_SD, 3)
         return GnssReading(_vector(position), _vector(velocity), _GNSS_HORIZONTAL_SD_M)
+
+    def _body(self, rotation: FloatArray, raw: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Place and velocity (3,) of the body's origin."""
+        offset = rotation @ self._centre_b
+        return raw[:3] - offset, raw[7:10] - np.cross(raw[10:13], offset)
 
 
 def with_faults(sound: SensorReadings, events: Sequence[Event]) -> SensorReadings:
@@ -114,10 +136,6 @@ def with_faults(sound: SensorReadings, events: Sequence[Event]) -> SensorReading
     if lost("encoder"):  # its counter stands
         speeds = (0.0,) * len(speeds)
     return replace(sound, imu=None if lost("imu") else imu, gnss=gnss, wheel_speed_rad_s=speeds)
-
-
-def _count(angles_rad: Sequence[float]) -> list[int]:
-    return [floor(angle * _COUNTS_PER_TURN / tau) for angle in angles_rad]
 
 
 def _noisy(true: Vector3, bias: list[float], sd: float, noise: list[float]) -> Vector3:

@@ -64,7 +64,7 @@ class Simulation:
         self._contacts = ContactReader(self._client, self._body, self._obstacles)
         self._balance = truth.balance_of(rover, gravity)
         self._around = Surroundings(self._contacts.obstacles, rover)
-        self._sensors = Sensors(world.scenario, rover, rng)
+        self._sensors = Sensors(world, rover, rng)
         self._held = (0.0,) * len(self._body.wheels)
         self._chassis_and_wheels = self._ground.raw[: 13 + len(self._body.wheels)]  # a view
         self._recent_motion: deque[truth.Motion] = deque(maxlen=_ACCELERATION_STEPS)
