@@ -58,6 +58,22 @@ class RealTime:
         return -late_s
 
 
+class Pace:
+    """Keeps steps to the lengths of wall time that each is given; being late by more than a moment is given up."""
+
+    def __init__(self, forgiven_s: float) -> None:
+        self._due_s = time.perf_counter()
+        self._forgiven_s = forgiven_s
+
+    def left_s(self, length_s: float) -> float:
+        """Seconds left of the step that is over now, of so many that it is to take; not above 0 where it was late."""
+        now_s = time.perf_counter()
+        self._due_s += length_s
+        if now_s - self._due_s > self._forgiven_s:
+            self._due_s = now_s
+        return self._due_s - now_s
+
+
 class Beat:
     """How steadily something happens that should happen at even intervals of wall time."""
 

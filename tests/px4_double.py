@@ -179,12 +179,11 @@ class MemoryPx4:
         return chunks
 
     def handles(self) -> tuple[int, ...]:
-        return ()
+        return (0,)
 
     def wait(self, handles: tuple[int, ...], seconds: float) -> float:
-        """Time passes until the next answer, at most so long."""
-        del handles
-        ready_s = self._answers[0][0] if self._answers else self.now_s + seconds
+        """Time passes until the next answer, at most so long; all of it without handles, as a plain pause."""
+        ready_s = self._answers[0][0] if self._answers and handles else self.now_s + seconds
         passed_s = min(seconds, max(0.0, ready_s - self.now_s))
         self.now_s += passed_s
         self.waited_s.append(passed_s)

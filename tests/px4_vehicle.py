@@ -97,8 +97,20 @@ class Estimator:
 class JoinedPx4:
     """One PX4 rover whose world is the simulator; ``px4`` is its HIL side."""
 
-    def __init__(self, transport: Transport, home: Origin, values: Parameters, period_usec: int = STEP_USEC) -> None:
-        """``values``: those of which its controller makes use, as the command writes them."""
+    def __init__(
+        self,
+        transport: Transport,
+        home: Origin,
+        values: Parameters,
+        *,
+        period_usec: int = STEP_USEC,
+        head_start_s: float = 0.0,
+    ) -> None:
+        """``values``: those of which its controller makes use, as the command writes them.
+
+        ``head_start_s``: by which it is ready earlier than the double of its MAVLink side.
+        """
+        self._head_start_s = head_start_s
         self.rover, self.estimator = Px4RoverDouble(transport, home), Estimator(home)
         full_m_s = values["RO_MAX_THR_SPEED"]
         self.rover.gains = Gains(full_m_s, values["RD_WHEEL_TRACK"] / (2.0 * full_m_s))
@@ -109,7 +121,7 @@ class JoinedPx4:
     def _control(self, checks: Checks) -> Outputs:
         self.estimator.update(checks.believed)
         motion = self.estimator.motion
-        left, right = self.rover.tick(checks.elapsed_usec / 1e6, motion)
+        left, right = self.rover.tick(self._head_start_s + checks.elapsed_usec / 1e6, motion)
         self._note(checks, motion)
         return Outputs(self.rover.armed, (right - NEUTRAL) / 500.0, (left - NEUTRAL) / 500.0)
 

@@ -11,7 +11,7 @@ from rover_sim.hil.px4_peer import BOARD
 from rover_sim.hil.serial_board import SharedLine, is_board, open_board
 from rover_sim.hil.session import Watchers
 from rover_sim.mavlink.dialect import Packer, mavlink
-from rover_sim.pacing import RealTime, wait_for_news
+from rover_sim.pacing import Pace, wait_for_news
 from tests.px4_board import BoardOnPty, Px4Board
 from tests.px4_double import Outputs
 from tests.px4_rig import Drive, session
@@ -22,7 +22,7 @@ LINE = "/dev/ttyACM0,921600"
 
 def test_a_board_drives_at_the_pace_of_the_wall_clock() -> None:
     """Woken by a heartbeat, told sensors and never the truth; how steadily they went out is in the summary."""
-    drive, pace = Drive(make_world(slope(0.0, 16.0)), 2.0), RealTime()
+    drive, pace = Drive(make_world(slope(0.0, 16.0)), 2.0), Pace(0.25)
     with BoardOnPty(Px4Board(lambda checks: Outputs(checks.elapsed_usec > 500_000, 0.5, 0.5))) as pty:
         line = SharedLine(open_board(f"{pty.device},921600"))
         summary = session(drive, line.simulator, wait_for_news, left_s=pace.left_s, profile=BOARD).run()
@@ -60,7 +60,7 @@ def test_a_board_that_is_pulled_out_is_a_lost_link() -> None:
     with pty:
         line = SharedLine(open_board(pty.device))
         summary = session(
-            drive, line.simulator, wait_for_news, left_s=RealTime().left_s, patience_s=0.3, profile=BOARD
+            drive, line.simulator, wait_for_news, left_s=Pace(0.25).left_s, patience_s=0.3, profile=BOARD
         ).run()
         line.close()
     assert (summary["reason"], summary["detail"]) == ("link_lost", "waited 0.3 s for PX4 at the link")

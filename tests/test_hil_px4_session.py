@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import count
 
 import numpy as np
 import pytest
+from msgspec import structs
 
 from rover_sim.errors import LinkError
 from rover_sim.hil.session import Watchers
@@ -13,6 +15,7 @@ from tests.px4_checks import Checks
 from tests.px4_double import MemoryPx4, Outputs, Px4Double, armed_from
 from tests.px4_rig import Drive, session
 from tests.sim_factory import make_world, slope
+from worlds.fault_events import Event
 
 
 def paced(link: MemoryPx4) -> float:
@@ -110,3 +113,15 @@ def test_a_wish_to_stop_is_seen_while_waiting_and_while_driving() -> None:
     watchers = Watchers(stopped=lambda: next(looks) >= 1)
     assert session(drive, link, link.wait, watchers=watchers).run()["reason"] == "aborted"
     assert drive.steps == 250
+
+
+def test_a_late_physics_is_late_once() -> None:
+    """PX4 gives the simulator up after no silence at all: it goes on where it was."""
+    event = Event(kind="late_physics", time_s=1.0, stall_s=1.5)
+    world = make_world(slope(0.0))
+    world = replace(world, scenario=structs.replace(world.scenario, event=(event,)))
+    link, drive = MemoryPx4(Px4Double(armed_from(0.0, 0.1, 0.1))), Drive(world, 2.0)
+    summary = session(drive, link, link.wait, left_s=lambda _: paced(link)).run()
+    assert [seconds for seconds in link.waited_s if seconds > 0.1] == [1.5]
+    assert summary["hil"]["steps"] == 500
+    assert summary["hil"]["lockstep"]["most_steps"] <= 1

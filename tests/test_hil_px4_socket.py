@@ -8,7 +8,7 @@ import pytest
 
 from rover_sim.errors import InputError, LinkError
 from rover_sim.hil.px4_link import open_port
-from rover_sim.pacing import RealTime, wait_for_news
+from rover_sim.pacing import Pace, wait_for_news
 from tests.px4_double import Outputs, Px4Double, Px4Process, armed_from
 from tests.px4_rig import Drive, session
 from tests.sim_factory import make_world, slope
@@ -69,7 +69,7 @@ def test_the_simulator_restarts_on_the_port_that_it_had() -> None:
 
 def test_the_pace_of_the_wall_clock() -> None:
     """One simulated second takes one of wall time; how steady it is, is measured and told."""
-    port, drive, pace = open_port(ANY_PORT), Drive(make_world(slope(0.0)), 1.0), RealTime()
+    port, drive, pace = open_port(ANY_PORT), Drive(make_world(slope(0.0)), 1.0), Pace(0.25)
     try:
         with Px4Process(port.port, Px4Double(lambda _: Outputs(True, 0.1, 0.1))):
             summary = session(drive, port, wait_for_news, left_s=pace.left_s).run()

@@ -42,7 +42,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
         metavar="URL",
         help="pass a board's line on to a ground station, e.g. udpout:127.0.0.1:14550; repeatable",
     )
-    parser.add_argument("--speed", type=factor, default=1.0, help="of the wall clock, at most; a board has 1 (default)")
+    parser.add_argument(
+        "--speed", type=factor, default=1.0, help="of the wall clock, once PX4 is armed; a board has 1 (default)"
+    )
     parser.add_argument("--out", type=Path, help="folder for the results (default: runs/hil-NAME-SEED)")
     parser.add_argument("--write-params", type=Path, metavar="FILE", help="first write parameters that fit the rover")
     parser.add_argument("--wait", type=seconds, default=60.0, metavar="S", help="wait so long for PX4 (default: 60)")
@@ -98,12 +100,11 @@ def _opened(
     from rover_sim.hil.px4_peer import Px4Peer
     from rover_sim.hil.px4_session import STEPS_PER_S, Clockwork, Px4Session
     from rover_sim.mavlink.geodesy import LocalFrame
-    from rover_sim.pacing import RealTime, wait_for_news
+    from rover_sim.pacing import Pace, wait_for_news
 
     try:
         driven = stage.begin(STEPS_PER_S, planner)
-        pace = RealTime()
-        clockwork = Clockwork(wait_for_news, lambda time_s: pace.left_s(time_s / args.speed), args.wait)
+        clockwork = Clockwork(wait_for_news, Pace(profile.forgiven_s).left_s, args.wait, args.speed)
         x, y, z = driven.traverse.simulation.chassis_motion[:3].tolist()
         peer = Px4Peer(transport, LocalFrame(stage.world.origin), (x, y, z), args.bind, profile)
         with Px4Session(peer, driven, clockwork, stage.watchers) as session:

@@ -28,7 +28,7 @@ class Slip:
     steps: int = 0  # sent to an armed PX4 in lockstep
     answers: int = 0
     given_up: int = 0  # waits that ended without controls
-    late: int = 0  # answers that came after the next step had been sent
+    late: int = 0  # answers that came after the next step had been sent, once PX4 had caught up
     most_steps: int = 0  # that lay between a step and its late answer
 
 
@@ -44,27 +44,23 @@ class Lockstep:
         self.controls: Controls | None = None
         self._sent_usec = self._heard_usec = 0  # on our clock: a board has its own
         self._silent = False  # a long wait was in vain
+        self._in_step = False  # has worked off what was sent before it was waited for
         self._gaps: deque[int] = deque(maxlen=_RHYTHM)
 
     def send(self, time_usec: int) -> None:
         """A step has been sent."""
         self._sent_usec = time_usec
-        if self._keeps_step:
+        if self.keeps_step:
             self.slip = replace(self.slip, steps=self.slip.steps + 1)
 
     def hear(self, controls: Controls) -> None:
         """Controls have come."""
         before, self.controls, self._silent = self.controls, controls, False
         self._heard_usec = self._sent_usec
-        if not self._keeps_step:
+        if not self.keeps_step:
+            self._in_step = False
             return
-        behind = self._steps_since(controls)
-        self.slip = replace(
-            self.slip,
-            answers=self.slip.answers + 1,
-            late=self.slip.late + (behind > 0),
-            most_steps=max(self.slip.most_steps, behind),
-        )
+        self._count(self._steps_since(controls))
         if before is not None and before.armed and controls.time_usec > before.time_usec:
             self._gaps.append(max(1, (controls.time_usec - before.time_usec) // STEP_USEC))
 
@@ -79,7 +75,7 @@ class Lockstep:
 
         Only an armed PX4 in lockstep is waited for, after its first controls: before, it may have nothing to say.
         """
-        if not self._keeps_step or self._late_steps < 0:
+        if not self.keeps_step or self._late_steps < 0:
             return 0.0
         if self._silent:
             return SILENT_S
@@ -93,7 +89,8 @@ class Lockstep:
         return self.controls.side_shares
 
     @property
-    def _keeps_step(self) -> bool:
+    def keeps_step(self) -> bool:
+        """Whether PX4 is in lockstep, armed, and heard."""
         return self.controls is not None and self.controls.armed and self.controls.lockstep
 
     @property
@@ -102,6 +99,13 @@ class Lockstep:
         if self.controls is None:
             return -1
         return self._steps_since(self.controls) - (median_low(self._gaps) if self._gaps else 1)
+
+    def _count(self, behind: int) -> None:
+        """An answer has come, so many steps late."""
+        slip = replace(self.slip, answers=self.slip.answers + 1)
+        if self._in_step:
+            slip = replace(slip, late=slip.late + (behind > 0), most_steps=max(slip.most_steps, behind))
+        self.slip, self._in_step = slip, self._in_step or behind == 0
 
     def _steps_since(self, controls: Controls) -> int:
         return max(0, self._sent_usec - controls.time_usec) // STEP_USEC

@@ -29,10 +29,12 @@ class Profile:
     lockstep: bool  # its clock is ours
     truth: bool  # wants HIL_STATE_QUATERNION; a board would take it for its own estimate
     heartbeat: bool  # begins to talk when it hears one
+    forgiven_s: float  # of wall time that the world may lag and make good by steps in a row
 
 
-PROGRAM = Profile(lockstep=True, truth=True, heartbeat=False)
-BOARD = Profile(lockstep=False, truth=False, heartbeat=True)
+# A program's clock stands while the world is late, a board's goes on.
+PROGRAM = Profile(lockstep=True, truth=True, heartbeat=False, forgiven_s=0.01)
+BOARD = Profile(lockstep=False, truth=False, heartbeat=True, forgiven_s=0.25)
 
 
 class Px4Peer:

@@ -14,6 +14,7 @@ from rover_sim.hil.session import NOBODY, Driven, End, Watchers
 from rover_sim.hil.states import NedSampler
 from rover_sim.outcome import Reason
 from rover_sim.pacing import Beat, WallClock
+from rover_sim.sim.faults import stall_s
 from rover_sim.sim.ned_state import NedState
 from rover_sim.sim.sensor_suite import SensorSuite
 from rover_sim.traverse import Traverse
@@ -28,8 +29,9 @@ class Clockwork:
     """Wall time, passed in."""
 
     wait: Wait  # for news
-    left_s: Callable[[float], float]  # wall time left until a simulated time
+    left_s: Callable[[float], float]  # wall time left of the step that is over now, of so much that it is to take
     patience_s: float  # without a PX4
+    speed: float = 1.0  # of the wall clock, for a PX4 that keeps step; any other is given its time
 
 
 class Px4Session:
@@ -40,6 +42,7 @@ class Px4Session:
         self._sensors = SensorSuite(driven.traverse.world)
         self._sampler = NedSampler(driven.traverse.simulation)
         self._beat, self._steps, self._connections = Beat(), 0, 0
+        self._told_s = 0.0  # simulated time of what PX4 was told last
 
     def __enter__(self) -> Self:
         return self
@@ -103,6 +106,9 @@ class Px4Session:
         truth = self._sampler.sample()
         if not _is_finite(truth):
             return Reason.ERROR, "the physics gave a number that is not finite; PX4 was not told"
+        if (late_s := stall_s(traverse.world.scenario.event, self._told_s, truth.time_s)) > 0.0:
+            self._clockwork.wait((), late_s)
+        self._told_s = truth.time_s
         self._beat.tick()
         self._peer.step(truth, self._sensors.read(truth), self._clockwork.wait)
         if not self._peer.connected:
@@ -114,7 +120,8 @@ class Px4Session:
             watchers.show(traverse.status())
             if watchers.stopped():
                 return self._stop()
-        if (left_s := self._clockwork.left_s(traverse.simulation.time_s)) > 0.0:
+        speed = self._clockwork.speed if self._peer.lockstep.keeps_step else 1.0
+        if (left_s := self._clockwork.left_s(1.0 / (STEPS_PER_S * speed))) > 0.0:
             self._clockwork.wait((), left_s)
         return ended
 
