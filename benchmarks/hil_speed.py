@@ -25,7 +25,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from benchmarks.physics_speed import MIXES_M, ROCKS, STARTS_M, command, field_of
 from rover_sim.driven_rover import STEPS_PER_S, home
 from rover_sim.given_way import Way
-from rover_sim.hil.ardupilot import ArduPilotSession
+from rover_sim.hil.ardupilot import ArduPilotSession, Clockwork
 from rover_sim.hil.autopilot_link import AutopilotLink
 from rover_sim.hil.lockstep import Datagram, Lockstep, Peer
 from rover_sim.hil.outputs import OutputDriver
@@ -101,9 +101,8 @@ def drive(world: World, steps: int, *, sees: bool) -> tuple[float, int]:
 
     with ServoPort("127.0.0.1:0") as port, Autopilot(port, steps) as autopilot:
         watchers = Watchers(stopped=lambda: autopilot.done)
-        with ArduPilotSession(
-            autopilot, Lockstep(loopback_only=True), begin, lambda: 0.0, GRACE_S, watchers
-        ) as session:
+        clockwork = Clockwork(lambda: 0.0, lambda _: None, GRACE_S)
+        with ArduPilotSession(autopilot, Lockstep(loopback_only=True), begin, clockwork, watchers) as session:
             begin_s = time.process_time()
             session.run()
             return time.process_time() - begin_s, round(session.traverse.simulation.time_s * STEPS_PER_S)

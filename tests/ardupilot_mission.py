@@ -36,7 +36,7 @@ def mission(scenario: Scenario, seed: int, watchers: Watchers = NOBODY) -> tuple
         link, outputs = AutopilotLink(world.origin, home(world), ours), OutputDriver(rover.footprint())
         return Driven(Traverse(world, rover, outputs, link, RunOptions(link_grace_s=31.0)), outputs)
 
-    with ArduPilotSession(port, Lockstep(loopback_only=True), begin, port.clock_s, 60.0, watchers) as session:
+    with ArduPilotSession(port, Lockstep(loopback_only=True), begin, port.clockwork(), watchers) as session:
         summary = session.run()
     port.take()
     return summary, vehicle

@@ -6,6 +6,7 @@ import struct
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
+from rover_sim.hil.ardupilot import Clockwork
 from rover_sim.hil.lockstep import Datagram, Peer
 from tests.ardupilot_double import ArduPilotDouble
 
@@ -40,8 +41,9 @@ class MemoryPort:
         self._queue: list[Datagram] = []
         self._at_count = at_count or (lambda _: None)
 
-    def clock_s(self) -> float:
-        return self.now_s
+    def clockwork(self, patience_s: float = 60.0) -> Clockwork:
+        """Its clock, for the session."""
+        return Clockwork(lambda: self.now_s, self.pass_time, patience_s)
 
     def wait(self, seconds: float) -> bool:
         end_s = self.now_s + seconds

@@ -31,6 +31,7 @@ class Drive:
 
     def __init__(self, world: World, seconds: float) -> None:
         rover = load_rover("husky")
+        self.world = world
         self.simulation = Simulation(world, rover, np.random.default_rng(0))
         self.outputs = OutputDriver(rover.footprint())
         self._steps = round(seconds * PER_S)
@@ -54,7 +55,7 @@ def told(world: World, seconds: float, pwm: Callable[[float, Accepted | None], S
     port = MemoryPort(ArduPilotDouble(pwm))
     lockstep = Lockstep(loopback_only=True)
     with ArduPilotSession(
-        port, lockstep, lambda: Driven(cast(Traverse, drive), drive.outputs), port.clock_s, 9.0
+        port, lockstep, lambda: Driven(cast(Traverse, drive), drive.outputs), port.clockwork()
     ) as session:
         session.run()
     port.take()

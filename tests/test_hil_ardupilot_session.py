@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from types import SimpleNamespace
 from typing import Any, cast
 
 import numpy as np
 import pytest
 
 from rover_sim.errors import LinkError
-from rover_sim.hil.ardupilot import ArduPilotSession
+from rover_sim.hil.ardupilot import ArduPilotSession, Clockwork
 from rover_sim.hil.lockstep import Datagram, Lockstep
 from rover_sim.hil.outputs import OutputDriver
 from rover_sim.hil.servo_port import ServoPort
@@ -19,6 +20,7 @@ from rover_sim.sim.rover import load_rover
 from rover_sim.traverse import Stepped, Traverse
 from tests.ardupilot_double import NEUTRAL, Accepted, ArduPilotDouble, pack, servos
 from tests.ardupilot_rig import Faults, MemoryPort
+from worlds.fault_events import Event
 
 STEP_S = 1.0 / 240.0
 FOOTPRINT = load_rover("husky").footprint()
@@ -44,7 +46,10 @@ class Physics:
 class Course:
     """A traverse of so many steps; keeps what the wheels were told."""
 
-    def __init__(self, length: int, during: Callable[[int], None] = lambda _: None) -> None:
+    def __init__(
+        self, length: int, during: Callable[[int], None] = lambda _: None, events: Sequence[Event] = ()
+    ) -> None:
+        self.world = SimpleNamespace(scenario=SimpleNamespace(event=tuple(events)))
         self.simulation, self.length, self._during = Physics(), length, during
         self.outputs = OutputDriver(FOOTPRINT)
         self.wheels: list[tuple[float, float]] = []
@@ -83,24 +88,24 @@ class Rig:
         at_count: Callable[[int], None] = lambda _: None,
         stopped: Callable[[], bool] = lambda: False,
         wait_s: float = 30.0,
+        events: Sequence[Event] = (),
     ) -> None:
         self.double = double or ArduPilotDouble()
         self.port = MemoryPort(self.double, faults, at_count)
         self.courses: list[Course] = []
         self.said: list[str] = []
         self.lockstep = Lockstep(loopback_only=True)
-        self._length, self._during = length, during
+        self._length, self._during, self._events = length, during, events
         self.session = ArduPilotSession(
             self.port,
             self.lockstep,
             self._begin,
-            self.port.clock_s,
-            wait_s,
+            self.port.clockwork(wait_s),
             Watchers(say=self.said.append, stopped=stopped),
         )
 
     def _begin(self) -> Driven:
-        self.courses.append(Course(self._length, self._during))
+        self.courses.append(Course(self._length, self._during, self._events))
         return Driven(cast(Traverse, self.courses[-1]), self.courses[-1].outputs)
 
     def run(self) -> dict[str, Any]:
@@ -182,6 +187,25 @@ def test_a_stall_of_three_seconds_is_answered_once() -> None:
     rig.port.take()
     assert rig.double.count == 20
     assert rig.double.clock_s == pytest.approx(20 * STEP_S)
+
+
+def test_a_late_answer_of_the_scenario_is_late_once() -> None:
+    """The autopilot asks twice more meanwhile, and has one answer."""
+    rig = Rig(48, events=[Event(kind="late_physics", time_s=0.1, stall_s=2.5)])
+    rig.run()
+    assert rig.port.now_s == pytest.approx(2.5)
+    assert len(rig.port.sent) == 48
+
+
+def test_the_summary_tells_how_the_link_did() -> None:
+    rig = Rig(20, faults=Faults(lost_replies={3}, before={5: [(b"?", ("127.0.0.1", 9))]}))
+    assert rig.run()["hil"] == {
+        "autopilot": "ardupilot",
+        "steps": 20,
+        "restarts": 0,
+        "replies_repeated": 1,
+        "datagrams_dropped": {"no servo packet": 1},
+    }
 
 
 def test_the_autopilot_may_begin_anew() -> None:
@@ -350,8 +374,7 @@ def test_over_loopback_sockets() -> None:
             Loopback(),
             Lockstep(loopback_only=True),
             lambda: Driven(cast(Traverse, course), course.outputs),
-            lambda: 0.0,
-            9.0,
+            Clockwork(lambda: 0.0, lambda _: None, 9.0),
         )
         assert session.run()["steps"] == 100
     finally:

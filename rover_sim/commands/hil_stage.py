@@ -13,6 +13,7 @@ from typing import Any, Protocol
 from rover_sim import run_folder
 from rover_sim.commands.traverse_display import expected_s, print_summary, progress_bar
 from rover_sim.driven_rover import STEPS_PER_S, home
+from rover_sim.fault_log import idle_notes
 from rover_sim.files import output_folder
 from rover_sim.hil.autopilot_link import AutopilotLink
 from rover_sim.hil.outputs import OutputDriver
@@ -81,7 +82,7 @@ def conduct(args: argparse.Namespace, open_session: Callable[[Stage], AbstractCo
     folder = args.out or Path("runs") / f"hil-{scenario.name}-{args.seed}"
     with stop_flag() as stopped, progress_bar(scenario.name, args.seed) as show:
         world = build_world(scenario, args.seed, source=args.scenario)
-        for note in world.notes:
+        for note in (*world.notes, *idle_notes(scenario.event, built_in=False)):
             say(note)
         run_folder.clear(output_folder(folder))
         with Sights(expected_s(scenario) / 2, None, scenario.camera.rate_hz) as sights:
