@@ -118,6 +118,24 @@ def begin(
     )
 
 
+def retarget(state: NavigatorState, goal_w: tuple[float, float], goal_radius_m: float) -> NavigatorState:
+    """The state with another goal: what it knows stays, what it intended and gave up is forgotten."""
+    first_m = state.first_m if state.place_w is None else float(np.hypot(*np.subtract(goal_w, state.place_w)))
+    return replace(
+        state,
+        goal_w=(float(goal_w[0]), float(goal_w[1])),
+        goal_radius_m=goal_radius_m,
+        way=None,
+        detour=False,
+        manoeuvre=None,
+        ladder=Ladder(),
+        end=None,
+        best_m=np.inf,
+        best_at_m=state.travelled_m,
+        first_m=first_m,
+    )
+
+
 def step(
     state: NavigatorState,
     observation: Observation | None,

@@ -9,8 +9,9 @@ import numpy as np
 
 from perception.pipeline import Knowledge, Perception, perceive
 from perception.tall import TallThings, ground_hue, tall_things
-from planner import navigator
+from planner import navigator, route_following
 from planner.navigator import Decision, NavigatorState
+from planner.route_following import Following
 from planner.terrain_map import RockMemory
 from rover_sim.autopilot.modes import MissionState, Mode, Severity
 from rover_sim.mavlink.geodesy import LocalFrame
@@ -48,11 +49,16 @@ class OnboardComputer:
         plan: NavigatorState,
         knowledge: Knowledge,
         eyes_s: Mapping[str, float] | None = None,
+        route: Following | None = None,
     ) -> None:
-        """``eyes_s``: seconds between two looks of each eye carried; one that is silent for long is reported lost."""
+        """``eyes_s``: seconds between two looks of each eye carried; one that is silent for long is reported lost.
+
+        ``route``: the route above the plan; without one the plan's goal is driven to straight.
+        """
         self.counts = Counts()
         self.ways_w: list[FloatArray] = []  # of the drive missions sent
-        self.plan = plan
+        self.plan = plan if route is None else route_following.aimed(plan, route)
+        self.route = route
         self.stop_text = ""  # of the last fail-safe stop
         self._companion = companion
         self._local = local
@@ -126,7 +132,7 @@ class OnboardComputer:
         self, estimate: PoseEstimate, time_s: float, observation: Observation | None, scan: RangeScan | None
     ) -> Decision:
         before = self._decision
-        self.plan, decision = navigator.step(self.plan, observation, estimate, time_s, scan)
+        decision = self._step(estimate, time_s, observation, scan)
         planned = decision.kind != "drive" or decision.changed
         self.counts = replace(self.counts, plans=self.counts.plans + planned)
         self._decision = decision
@@ -137,6 +143,18 @@ class OnboardComputer:
             self._send(decision, estimate, time_s)
         elif decision.kind == "drive" and decision.speed_m_s is not None:
             self._adjust_speed(decision.speed_m_s)
+        return decision
+
+    def _step(
+        self, estimate: PoseEstimate, time_s: float, observation: Observation | None, scan: RangeScan | None
+    ) -> Decision:
+        """One step of navigation, under the route if there is one."""
+        if self.route is None:
+            self.plan, decision = navigator.step(self.plan, observation, estimate, time_s, scan)
+            return decision
+        self.route, self.plan, decision = route_following.step(
+            self.route, self.plan, observation, estimate, time_s, scan
+        )
         return decision
 
     def _adjust_speed(self, speed_m_s: float) -> None:

@@ -52,6 +52,7 @@ def write(folder: Path, traverse: Traverse, sights: Sights, summary: dict[str, A
         events=traverse.events,
         title=title,
         ruts=ruts,
+        route=traverse.route,
     )
     save_run_map(folder / "map.png", traverse.world, data)
 

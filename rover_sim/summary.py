@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from planner.route_following import Following
 from rover_sim import __version__
 from rover_sim.outcome import Reason
 from rover_sim.sim.mobility_events import Kind, MobilityEvent
@@ -96,6 +97,30 @@ def event_figures(events: Sequence[MobilityEvent]) -> dict[str, Any]:
     }
 
 
+def route_figures(route: Following) -> dict[str, Any]:
+    """The route: what it was to cost, its legs, driven ones first, and why it was replanned."""
+    first = route.routes[0] if route.routes else route.route
+    return {
+        "refusal": None if route.route.refusal is None else route.route.refusal.value,
+        "length_m": _rounded(first.length_m),
+        "cost": _rounded(first.cost) if np.isfinite(first.cost) else None,
+        "replans": len(route.routes),
+        "replan_reasons": list(route.reasons),
+        "legs_driven": len(route.driven) + route.at,
+        "legs": [
+            {
+                "end_m": [_rounded(value, 2) for value in leg.end_w],
+                "length_m": _rounded(leg.length_m, 2),
+                "cost": _rounded(leg.cost, 2) if np.isfinite(leg.cost) else None,
+                "landmark_m": None
+                if leg.landmark is None
+                else [_rounded(value, 2) for value in leg.landmark.position_w],
+            }
+            for leg in (*route.driven, *route.legs)
+        ],
+    }
+
+
 def summarize(
     trace: dict[str, NDArray[np.float64]],
     identity: Identity,
@@ -107,6 +132,7 @@ def summarize(
     detail: str,
     events: Sequence[MobilityEvent],
     faults: Mapping[str, Any],
+    route: Following | None = None,
 ) -> dict[str, Any]:
     """All keys of ``summary.json``; ``detail`` is the sentence for a person behind ``reason``."""
     sim_time_s = float(trace["time_s"][-1])
@@ -123,6 +149,7 @@ def summarize(
         **asdict(counts),
         **event_figures(events),
         "faults": dict(faults),
+        "route": None if route is None else route_figures(route),
         "ttam": None if ttam is None else _rounded(ttam, 2),
         "version": __version__,
     }

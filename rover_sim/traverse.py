@@ -13,6 +13,7 @@ from perception.pipeline import load_knowledge
 from planner import navigator
 from planner.corridor import CAMERA_SPEED, SpeedModel
 from planner.navigator import NavigatorModel
+from planner.route_following import Following
 from rover_sim.autopilot.tuning import tuned_autopilot
 from rover_sim.driven_rover import (
     CAMERA_STREAM,
@@ -33,6 +34,7 @@ from rover_sim.onboard import OnboardComputer, Sight
 from rover_sim.outcome import Judge, Limits, Reason
 from rover_sim.pacing import WallClock
 from rover_sim.planner_link import PlannerLink
+from rover_sim.route_map import first_route
 from rover_sim.scoring import ClassScore
 from rover_sim.sim.laser import LaserScanner
 from rover_sim.sim.mobility_events import MobilityEvent, active_kinds
@@ -188,6 +190,7 @@ class Traverse:
             detail=detail,
             events=self.events,
             faults=self._rover.faults.summary(self.simulation.time_s),
+            route=self.route,
         )
 
     @property
@@ -199,6 +202,11 @@ class Traverse:
     def events(self) -> list[MobilityEvent]:
         """What befell the rover so far."""
         return self._rover.mobility.events
+
+    @property
+    def route(self) -> Following | None:
+        """The route above navigation as it stands; None where there is none."""
+        return None if self._computer is None else self._computer.route
 
     @property
     def simulation(self) -> Simulation:
@@ -226,7 +234,8 @@ class Traverse:
         )
         periods = {name: eye.steps / self._steps_per_s for name, eye in self._eyes.items()}
         knowledge = load_knowledge("rendered")
-        return OnboardComputer(self._stack.companion, self._stack.frame, home(self.world), plan, knowledge, periods)
+        link, route = self._stack, first_route(self.world, self._rover.footprint)
+        return OnboardComputer(link.companion, link.frame, home(self.world), plan, knowledge, periods, route)
 
     def _control(self) -> None:
         """Sensors, estimate, autopilot, link."""

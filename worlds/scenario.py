@@ -7,9 +7,10 @@ from typing import Literal
 
 import msgspec
 
-from worlds import fault_events, sensor_tables
+from worlds import fault_events, route_table, sensor_tables
 from worlds.errors import ScenarioError
 from worlds.fault_events import Event, check_events
+from worlds.route_table import MAP_SUFFIXES, ORBITAL, RouteTable
 from worlds.sensor_tables import Actuator, Barometer, Encoder, Gnss, Imu, Magnetometer
 from worlds.soil_file import is_soil_file, load_soil
 from worlds.strict_toml import Table, check_limits, convert_table, dump_toml, read_table
@@ -163,6 +164,7 @@ class Scenario(Table, frozen=True):
     camera: Camera = Camera()
     sun: Sun = Sun()
     origin: Origin | None = None  # None: that of the elevation file, or the default one
+    route: RouteTable | None = None  # None: straight to the goal, with what the rover sees
     imu: Imu | None = None  # these tables: see `worlds.sensor_tables`
     magnetometer: Magnetometer | None = None
     barometer: Barometer | None = None
@@ -223,6 +225,7 @@ LIMITS: dict[str, tuple[float, float]] = {
     "origin.altitude_m": (-12000.0, 30000.0),
     **sensor_tables.LIMITS,
     **fault_events.LIMITS,
+    **route_table.LIMITS,
 }
 
 
@@ -263,9 +266,12 @@ def resolve_paths(scenario: Scenario, base_dir: Path) -> Scenario:
         rover = replace(rover, model=str((base_dir / rover.model).resolve()))
     if terrain.path is not None:
         terrain = replace(terrain, path=str((base_dir / terrain.path).resolve()))
+    route = scenario.route
+    if route is not None and route.map != ORBITAL:
+        route = replace(route, map=str((base_dir / route.map).resolve()))
     patches = tuple(replace(patch, preset=soil_path(patch.preset)) for patch in soil.patch)
     soil = replace(soil, preset=soil_path(soil.preset), patch=patches)
-    return replace(scenario, terrain=terrain, soil=soil, rover=rover)
+    return replace(scenario, terrain=terrain, soil=soil, rover=rover, route=route)
 
 
 def check_scenario(scenario: Scenario, source: str) -> None:
@@ -284,6 +290,7 @@ def check_scenario(scenario: Scenario, source: str) -> None:
     _check_soils(scenario.soil, source)
     _check_eyes(scenario, source)
     check_events(scenario, source)
+    _check_route(scenario.route, source)
     if scenario.terrain.kind != "dem":
         _check_on_map(scenario, source)
 
@@ -315,6 +322,17 @@ def _check_eyes(scenario: Scenario, source: str) -> None:
     for name, present in (("laser", sensors.laser), ("camera", rate > 0.0)):
         if getattr(sensors, f"{name}_fails_s") is not None and not present:
             raise ScenarioError(f"{source}: sensors.{name}_fails_s: the rover has no {name} that could fail")
+
+
+def _check_route(route: RouteTable | None, source: str) -> None:
+    if route is None:
+        return
+    if route.map != ORBITAL and not route.map.lower().endswith(MAP_SUFFIXES):
+        raise ScenarioError(
+            f'{source}: route.map = "{route.map}": allowed are "{ORBITAL}" and a file {", ".join(MAP_SUFFIXES)}'
+        )
+    if route.leg_m[0] >= route.leg_m[1]:
+        raise ScenarioError(f"{source}: route.leg_m = {list(route.leg_m)}: must be [shortest, longest]")
 
 
 def _check_obstacles(obstacles: tuple[Obstacle, ...], source: str) -> None:

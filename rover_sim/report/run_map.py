@@ -16,8 +16,10 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Circle
 from numpy.typing import NDArray
 
+from planner.route_following import Following
 from rover_sim.files import atomic_path
 from rover_sim.report.ground_map import draw_ground, draw_ruts
+from rover_sim.report.route_drawing import draw_route
 from rover_sim.sim.mobility_events import Kind, MobilityEvent
 from worlds.types import FloatArray, World
 
@@ -51,11 +53,13 @@ class MapData:
     events: Sequence[MobilityEvent]
     title: str
     ruts: SavedRuts | None = None
+    route: Following | None = None
 
 
 def _extent(data: MapData, world: World) -> tuple[float, float, float, float]:
     """Left, right, bottom and top of the part of the world that matters, square enough to look at."""
-    points = np.vstack([data.trace["position_w"][:, :2], np.asarray(world.goal_w)[None, :2]])
+    route = np.zeros((0, 2)) if data.route is None else data.route.route.way_w
+    points = np.vstack([data.trace["position_w"][:, :2], np.asarray(world.goal_w)[None, :2], route])
     low, high = points.min(axis=0) - MARGIN_M, points.max(axis=0) + MARGIN_M
     short = max(0.0, 0.45 * float((high - low).max()) - float((high - low).min())) / 2
     axis = int(np.argmin(high - low))
@@ -149,6 +153,8 @@ def run_figure(world: World, data: MapData) -> Figure:
     if data.ruts is not None:
         draw_ruts(map_axes, data.ruts)
     _draw_events(map_axes, data.events)
+    if data.route is not None:
+        draw_route(map_axes, data.route)
     _draw_belief(map_axes, data)
     bar = figure.colorbar(_draw_driven(map_axes, data), ax=map_axes, shrink=0.8, pad=0.01)
     bar.set_label("mean slip ratio")
