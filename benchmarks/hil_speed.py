@@ -32,6 +32,7 @@ from rover_sim.hil.outputs import OutputDriver
 from rover_sim.hil.servo_port import ServoPort
 from rover_sim.hil.session import Driven, Watchers
 from rover_sim.mavlink.foreign_pursuit import Patience
+from rover_sim.mavlink.geodesy import LocalFrame
 from rover_sim.mavlink.memory import memory_link
 from rover_sim.sim.rover import load_rover
 from rover_sim.traverse import RunOptions, Traverse
@@ -96,7 +97,7 @@ def drive(world: World, steps: int, *, sees: bool) -> tuple[float, int]:
 
     def begin() -> Driven:
         outputs = OutputDriver(rover.footprint())
-        link = AutopilotLink(world.origin, home(world), ours, patience=Patience(vehicle_s=GRACE_S))
+        link = AutopilotLink(LocalFrame(world.origin), home(world), ours, patience=Patience(vehicle_s=GRACE_S))
         return Driven(Traverse(world, rover, outputs, link, options), outputs)
 
     with ServoPort("127.0.0.1:0") as port, Autopilot(port, steps) as autopilot:

@@ -6,13 +6,13 @@ from typing import Any
 
 from rover_sim.driven_rover import home
 from rover_sim.hil.ardupilot import ArduPilotSession
+from rover_sim.hil.ardupilot_frame import ArduPilotFrame
 from rover_sim.hil.ardupilot_parameters import parameters
 from rover_sim.hil.autopilot_link import AutopilotLink
 from rover_sim.hil.handling import measure_handling
 from rover_sim.hil.lockstep import Lockstep
 from rover_sim.hil.outputs import OutputDriver
 from rover_sim.hil.session import NOBODY, Driven, Watchers
-from rover_sim.mavlink.geodesy import LocalFrame
 from rover_sim.mavlink.memory import memory_link
 from rover_sim.sim.rover import load_rover
 from rover_sim.traverse import RunOptions, Traverse
@@ -26,14 +26,15 @@ def mission(scenario: Scenario, seed: int, watchers: Watchers = NOBODY) -> tuple
     """One traverse from a cold start of the autopilot: its summary, and the vehicle."""
     world, rover = build_world(scenario, seed), load_rover(scenario.rover.model)
     ours, theirs = memory_link()
-    place = LocalFrame(world.origin).to_geo(home(world))
+    frame = ArduPilotFrame(world.origin, home(world))
+    place = frame.to_geo(home(world))
     fitted = parameters(rover, measure_handling(rover, world.soil, scenario.gravity_m_s2), scenario.goal.radius_m)
     origin = Origin(place.latitude_deg, place.longitude_deg, place.altitude_m)
     vehicle = JoinedVehicle(theirs, origin, fitted)
     port = MemoryPort(vehicle.json)
 
     def begin() -> Driven:
-        link, outputs = AutopilotLink(world.origin, home(world), ours), OutputDriver(rover.footprint())
+        link, outputs = AutopilotLink(frame, home(world), ours), OutputDriver(rover.footprint())
         return Driven(Traverse(world, rover, outputs, link, RunOptions(link_grace_s=31.0)), outputs)
 
     with ArduPilotSession(port, Lockstep(loopback_only=True), begin, port.clockwork(), watchers) as session:

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from math import cos, sin
 
+from rover_sim.hil.ardupilot_frame import ArduPilotFrame
 from rover_sim.mavlink.transport import Transport
 from tests.ardupilot_double import Accepted, ArduPilotDouble, servos
 from tests.ardupilot_mavlink_double import ArduRoverDouble
@@ -24,6 +25,7 @@ class JoinedVehicle:
     def __init__(self, transport: Transport, home: Origin, parameters: Mapping[str, float]) -> None:
         """``parameters``: those of which its controller makes use, as the command writes them."""
         self.rover = ArduRoverDouble(transport, home)
+        self.rover.frame = ArduPilotFrame(home, (0.0, 0.0, 0.0))
         full_m_s = parameters["CRUISE_SPEED"] / (0.01 * parameters["CRUISE_THROTTLE"])
         self.rover.gains = Gains(full_m_s, parameters["ATC_STR_RAT_FF"])
         self.rover.speed_m_s, self.rover.radius_m = parameters["WP_SPEED"], parameters["WP_RADIUS"]

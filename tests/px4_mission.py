@@ -30,7 +30,7 @@ def mission(scenario: Scenario, seed: int, watchers: Watchers = NOBODY) -> tuple
     origin = Origin(place.latitude_deg, place.longitude_deg, place.altitude_m)
     handling = measure_handling(rover, world.soil, scenario.gravity_m_s2)
     vehicle = JoinedPx4(theirs, origin, parameters(rover, handling, scenario.goal.radius_m, board=False))
-    link, outputs = AutopilotLink(world.origin, home(world), ours), OutputDriver(rover.footprint())
+    link, outputs = AutopilotLink(LocalFrame(world.origin), home(world), ours), OutputDriver(rover.footprint())
     traverse = Traverse(world, rover, outputs, link, RunOptions(link_grace_s=31.0), STEPS_PER_S)
     hil = MemoryPx4(vehicle.px4)
     x, y, z = traverse.simulation.chassis_motion[:3].tolist()

@@ -51,7 +51,9 @@ def execute(args: argparse.Namespace) -> int:
 @contextmanager
 def _session(args: argparse.Namespace, stage: Stage) -> Iterator[ArduPilotSession]:
     from rover_sim.commands.hil_stage import say
+    from rover_sim.driven_rover import home
     from rover_sim.hil.ardupilot import ArduPilotSession, Clockwork
+    from rover_sim.hil.ardupilot_frame import ArduPilotFrame
     from rover_sim.hil.lockstep import Lockstep
     from rover_sim.hil.servo_port import ServoPort
     from rover_sim.pacing import WallClock
@@ -60,9 +62,9 @@ def _session(args: argparse.Namespace, stage: Stage) -> Iterator[ArduPilotSessio
         _write_parameters(args.write_params, stage)
     with ServoPort(args.bind) as port:
         lockstep = Lockstep(loopback_only=port.on_loopback)
-        clock = WallClock()
+        clock, frame = WallClock(), ArduPilotFrame(stage.world.origin, home(stage.world))
         clockwork = Clockwork(clock.elapsed_s, lambda span_s: clock.wait_until(clock.elapsed_s() + span_s), args.wait)
-        with ArduPilotSession(port, lockstep, stage.begin, clockwork, stage.watchers) as session:
+        with ArduPilotSession(port, lockstep, lambda: stage.begin(frame=frame), clockwork, stage.watchers) as session:
             say(f"waiting at {args.bind}; start the autopilot as: {_command(args, port.address, stage)}")
             yield session
         for reason, count in lockstep.dropped.items():

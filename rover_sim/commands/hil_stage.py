@@ -58,10 +58,16 @@ class Stage:
     url: str  # of the autopilot's MAVLink
     watchers: Watchers
 
-    def begin(self, steps_per_s: int = STEPS_PER_S, missions: Transport | None = None) -> Driven:
-        """The traverse from its start, with a new link for the missions unless one is given."""
+    def begin(
+        self, steps_per_s: int = STEPS_PER_S, missions: Transport | None = None, frame: LocalFrame | None = None
+    ) -> Driven:
+        """The traverse from its start, with a new link for the missions unless one is given.
+
+        ``frame``: as the autopilot lays the world on the Earth, where that is not the ellipsoid.
+        """
         transport = open_link(self.url) if missions is None else missions
-        link = AutopilotLink(self.world.origin, home(self.world), transport, self.folder / run_folder.TLOG, _PATIENCE)
+        place = LocalFrame(self.world.origin) if frame is None else frame
+        link = AutopilotLink(place, home(self.world), transport, self.folder / run_folder.TLOG, _PATIENCE)
         outputs = OutputDriver(self.rover.footprint())
         # Before that the companion itself gives up an autopilot that says nothing, and says what it waited for.
         options = RunOptions(link_grace_s=_PATIENCE.vehicle_s + 1.0)

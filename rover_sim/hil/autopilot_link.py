@@ -13,7 +13,6 @@ from rover_sim.mavlink.narrator import Narrator
 from rover_sim.mavlink.plan_items import CRUISE_M_S, home_item
 from rover_sim.mavlink.tlog import TlogWriter
 from rover_sim.mavlink.transport import Transport
-from worlds.scenario import Origin
 from worlds.types import PoseEstimate, SensorReadings, Vector3
 
 _SYSTEM = 1  # under which the simulator itself speaks in the log
@@ -24,14 +23,14 @@ class AutopilotLink:
 
     def __init__(
         self,
-        origin: Origin,
+        frame: LocalFrame,
         home_w: Vector3,
         transport: Transport,
         tlog: Path | None = None,
         patience: Patience | None = None,
     ) -> None:
-        """``home_w``: where the rover starts (m), which is home to the autopilot."""
-        self.frame, self._home_w = LocalFrame(origin), home_w
+        """``frame``: as the autopilot has it; ``home_w``: where the rover starts (m), which is home to it."""
+        self.frame, self._home_w = frame, home_w
         log = None if tlog is None else Link(TlogWriter(tlog), {}, hears_simulator=True)
         self.companion = ForeignCompanion(Link(transport, {}), log, patience)
         # Of the truth the log hears, the autopilot does not.
