@@ -8,9 +8,8 @@ import numpy as np
 
 from planner import localization
 from planner.localization import SensorModel
-from rover_sim.autopilot.autopilot import Autopilot
 from rover_sim.autopilot.modes import Severity
-from rover_sim.fault_log import FaultLog
+from rover_sim.fault_log import AutopilotKind, FaultLog
 from rover_sim.sim.mobility_events import MobilityLog
 from rover_sim.sim.recorder import TraceRecorder
 from rover_sim.sim.rover_urdf import wheel_names
@@ -57,12 +56,20 @@ class Driver(Protocol):
 class DrivenRover:
     """A rover at rest on a surveyed point, to be stepped; holds a physics client until it is closed."""
 
-    def __init__(self, world: World, rover: RoverModel, driver: Driver, steps_per_s: int = STEPS_PER_S) -> None:
+    def __init__(
+        self,
+        world: World,
+        rover: RoverModel,
+        driver: Driver,
+        steps_per_s: int = STEPS_PER_S,
+        autopilot: AutopilotKind = "built-in",
+    ) -> None:
+        """``autopilot``: whose sensors they are that faults befall."""
         gravity_m_s2 = world.scenario.gravity_m_s2
         self._driver, self.footprint, self._trace_s = driver, rover.footprint(), TRACE_STEPS / steps_per_s
         sensor_rng = np.random.default_rng([world.seed, SENSOR_STREAM])
         self.simulation = Simulation(world, rover, sensor_rng, time_step_s=1.0 / steps_per_s)
-        self.faults = FaultLog(world.scenario.event, built_in=isinstance(driver, Autopilot))
+        self.faults = FaultLog(world.scenario.event, autopilot)
         self.recorder, self.mobility = TraceRecorder(), MobilityLog(rover, gravity_m_s2)
         self._wheel_names, self._sensor_model = wheel_names(rover), SensorModel(gravity_m_s2=gravity_m_s2)
         readings = self.simulation.read_sensors()

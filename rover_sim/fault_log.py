@@ -5,15 +5,21 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from math import isfinite
-from typing import Any
+from typing import Any, Literal
 
 from rover_sim.autopilot.modes import Mode
 from rover_sim.mavlink.vehicle_watch import VehicleStatus
 from worlds.fault_events import Event, describe
 
 RESPONSES_LISTED = 200
-_OUTSIDE_ONLY = ("barometer", "late_physics")  # what the built-in autopilot does not have
-_BUILT_IN_ONLY = ("encoder",)
+AutopilotKind = Literal["built-in", "ardupilot", "px4"]
+# What a fault of it means nothing to: the built-in autopilot has no barometer and asks for no answers; those from
+# outside have no wheel encoders, and ArduPilot's simulator makes all but the inertial unit's samples itself.
+_STRANGE: dict[AutopilotKind, frozenset[str]] = {
+    "built-in": frozenset({"barometer", "late_physics"}),
+    "px4": frozenset({"encoder"}),
+    "ardupilot": frozenset({"encoder", "magnetometer", "barometer", "gnss", "gnss_jump"}),
+}
 
 
 @dataclass(frozen=True)
@@ -25,27 +31,26 @@ class Response:
     text: str
 
 
-def acts(event: Event, *, built_in: bool) -> bool:
-    """Whether an event means anything to the built-in autopilot, or to one from outside."""
-    return not {event.kind, event.sensor} & set(_OUTSIDE_ONLY if built_in else _BUILT_IN_ONLY)
+def acts(event: Event, kind: AutopilotKind) -> bool:
+    """Whether an event means anything to who drives."""
+    return not {event.kind, event.sensor} & _STRANGE[kind]
 
 
-def idle_notes(events: Sequence[Event], *, built_in: bool) -> list[str]:
+def idle_notes(events: Sequence[Event], kind: AutopilotKind) -> list[str]:
     """A line for each event that will do nothing."""
-    who = "the built-in autopilot" if built_in else "an autopilot from outside"
     return [
-        f"event[{number}], {describe(event)}: means nothing to {who}"
+        f"event[{number}], {describe(event)}: means nothing to the {kind} autopilot"
         for number, event in enumerate(events)
-        if not acts(event, built_in=built_in)
+        if not acts(event, kind)
     ]
 
 
 class FaultLog:
     """Watches one traverse or served rover."""
 
-    def __init__(self, events: Sequence[Event], *, built_in: bool = True) -> None:
-        self._events, self._built_in = events, built_in
-        self._acting = [event for event in events if acts(event, built_in=built_in)]
+    def __init__(self, events: Sequence[Event], kind: AutopilotKind = "built-in") -> None:
+        self._events, self._pilot = events, kind
+        self._acting = [event for event in events if acts(event, kind)]
         self._responses: list[Response] = []
         self._mode: int | None = None
         self._doing = ""
@@ -77,7 +82,7 @@ class FaultLog:
     def summary(self, end_s: float) -> dict[str, Any]:
         """The key ``faults`` of ``summary.json``."""
         return {
-            "events": [_told(event, end_s, acts(event, built_in=self._built_in)) for event in self._events],
+            "events": [_told(event, end_s, acts(event, self._pilot)) for event in self._events],
             "responses": [asdict(response) for response in self._responses[:RESPONSES_LISTED]],
         }
 

@@ -27,6 +27,7 @@ from rover_sim.driven_rover import (
     home,
 )
 from rover_sim.eyes import eyes
+from rover_sim.fault_log import AutopilotKind
 from rover_sim.given_way import GivenWay, Pilot, Way
 from rover_sim.mavlink.faults import Faults
 from rover_sim.mavlink.stack import BadLink, MavlinkStack
@@ -64,6 +65,7 @@ class RunOptions:
     faults: Faults | None = None  # of all links, the planner's too
     realtime: bool = False
     any_touch_ends: bool = False  # of an obstacle, by hull or wheel
+    autopilot: AutopilotKind = "built-in"
     way: Way | None = None  # drive this one with closed eyes instead of seeing and planning
     link_grace_s: float = LINK_GRACE_S
 
@@ -117,7 +119,7 @@ class Traverse:
         self._stack, self._steps, self._steps_per_s = link, 0, steps_per_s
         try:
             check_start(world, rover.footprint())
-            self._rover = DrivenRover(world, rover, driver, steps_per_s)
+            self._rover = DrivenRover(world, rover, driver, steps_per_s, options.autopilot)
             self._renderer = make_renderer(world, self.simulation.ruts) if "camera" in self._eyes else None
             scanner_rng = np.random.default_rng([world.seed, LASER_STREAM])
             self._scanner = LaserScanner(world, rover.laser(), scanner_rng) if "laser" in self._eyes else None

@@ -129,9 +129,9 @@ def test_begin_and_end_are_told_once() -> None:
 def test_what_the_autopilot_does_not_have_is_said_to_mean_nothing_to_it() -> None:
     late = Event(kind="late_physics", time_s=1.0, stall_s=0.5)
     encoder = Event(kind="sensor_loss", time_s=1.0, sensor="encoder")
-    assert (acts(late, built_in=True), acts(late, built_in=False)) == (False, True)
-    assert (acts(encoder, built_in=True), acts(encoder, built_in=False)) == (True, False)
-    assert idle_notes([encoder, late], built_in=True) == [
+    assert (acts(late, "built-in"), acts(late, "px4"), acts(late, "ardupilot")) == (False, True, True)
+    assert (acts(encoder, "built-in"), acts(encoder, "px4")) == (True, False)
+    assert idle_notes([encoder, late], "built-in") == [
         "event[1], physics 0.5 s late: means nothing to the built-in autopilot"
     ]
 

@@ -49,7 +49,7 @@ class Course:
     def __init__(
         self, length: int, during: Callable[[int], None] = lambda _: None, events: Sequence[Event] = ()
     ) -> None:
-        self.world = SimpleNamespace(scenario=SimpleNamespace(event=tuple(events)))
+        self.world = SimpleNamespace(scenario=SimpleNamespace(event=tuple(events), imu=None))
         self.simulation, self.length, self._during = Physics(), length, during
         self.outputs = OutputDriver(FOOTPRINT)
         self.wheels: list[tuple[float, float]] = []

@@ -45,7 +45,7 @@ def execute(args: argparse.Namespace) -> int:
     """Drive until the traverse ends: 0 at the goal, 1 if it was not reached, 3 where the link failed."""
     from rover_sim.commands.hil_stage import conduct
 
-    return conduct(args, lambda stage: _session(args, stage))
+    return conduct(args, "ardupilot", lambda stage: _session(args, stage))
 
 
 @contextmanager

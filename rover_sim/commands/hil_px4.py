@@ -59,7 +59,7 @@ def execute(args: argparse.Namespace) -> int:
     _check(args, board=board)
     if args.autopilot is None:
         args.autopilot = args.bind if board else DEFAULT_AUTOPILOT
-    return conduct(args, lambda stage: _session(args, stage, board=board))
+    return conduct(args, "px4", lambda stage: _session(args, stage, board=board))
 
 
 def _check(args: argparse.Namespace, *, board: bool) -> None:

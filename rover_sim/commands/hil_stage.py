@@ -13,7 +13,7 @@ from typing import Any, Protocol
 from rover_sim import run_folder
 from rover_sim.commands.traverse_display import expected_s, print_summary, progress_bar
 from rover_sim.driven_rover import STEPS_PER_S, home
-from rover_sim.fault_log import idle_notes
+from rover_sim.fault_log import AutopilotKind, idle_notes
 from rover_sim.files import output_folder
 from rover_sim.hil.autopilot_link import AutopilotLink
 from rover_sim.hil.outputs import OutputDriver
@@ -56,6 +56,7 @@ class Stage:
     rover: RoverModel
     folder: Path
     url: str  # of the autopilot's MAVLink
+    kind: AutopilotKind
     watchers: Watchers
 
     def begin(
@@ -70,7 +71,7 @@ class Stage:
         link = AutopilotLink(place, home(self.world), transport, self.folder / run_folder.TLOG, _PATIENCE)
         outputs = OutputDriver(self.rover.footprint())
         # Before that the companion itself gives up an autopilot that says nothing, and says what it waited for.
-        options = RunOptions(link_grace_s=_PATIENCE.vehicle_s + 1.0)
+        options = RunOptions(link_grace_s=_PATIENCE.vehicle_s + 1.0, autopilot=self.kind)
         return Driven(Traverse(self.world, self.rover, outputs, link, options, steps_per_s), outputs)
 
     @property
@@ -80,7 +81,9 @@ class Stage:
         return LocalFrame(self.world.origin).to_geo(home(self.world)), heading_deg(yaw_rad)
 
 
-def conduct(args: argparse.Namespace, open_session: Callable[[Stage], AbstractContextManager[Session]]) -> int:
+def conduct(
+    args: argparse.Namespace, kind: AutopilotKind, open_session: Callable[[Stage], AbstractContextManager[Session]]
+) -> int:
     """Drive until the traverse ends: 0 at the goal, 1 if it was not reached, 3 where the link failed."""
     scenario = load_scenario(args.scenario)
     rover = load_rover(scenario.rover.model)
@@ -88,11 +91,11 @@ def conduct(args: argparse.Namespace, open_session: Callable[[Stage], AbstractCo
     folder = args.out or Path("runs") / f"hil-{scenario.name}-{args.seed}"
     with stop_flag() as stopped, progress_bar(scenario.name, args.seed) as show:
         world = build_world(scenario, args.seed, source=args.scenario)
-        for note in (*world.notes, *idle_notes(scenario.event, built_in=False)):
+        for note in (*world.notes, *idle_notes(scenario.event, kind)):
             say(note)
         run_folder.clear(output_folder(folder))
         with Sights(expected_s(scenario) / 2, None, scenario.camera.rate_hz) as sights:
-            stage = Stage(world, rover, folder, args.autopilot, Watchers(show, stopped, sights.take, say))
+            stage = Stage(world, rover, folder, args.autopilot, kind, Watchers(show, stopped, sights.take, say))
             with open_session(stage) as session:
                 summary = session.run()
                 run_folder.write(folder, session.traverse, sights, summary)

@@ -53,7 +53,7 @@ def execute(args: argparse.Namespace) -> int:
     options = RunOptions(connect=tuple(args.connect), faults=faults, realtime=args.realtime)
     with stop_flag() as stopped, progress_bar(scenario.name, args.seed) as show:
         world = build_world(scenario, args.seed, source=args.scenario)
-        for note in (*world.notes, *idle_notes(scenario.event, built_in=True)):
+        for note in (*world.notes, *idle_notes(scenario.event, "built-in")):
             print(f"rover-sim run: {note}", file=sys.stderr)  # noqa: T201 - one line that a user must see
         run_folder.clear(output_folder(folder))
         video = folder / run_folder.VIDEO if args.record_video else None

@@ -70,7 +70,7 @@ def execute(args: argparse.Namespace) -> int:
     signing = open_signing(args.signing_key, unix_time_s, folder)
     with stop_flag() as stopped, _display() as show:
         world = build_world(scenario, args.seed, source=args.scenario)
-        for note in (*world.notes, *idle_notes(scenario.event, built_in=True)):
+        for note in (*world.notes, *idle_notes(scenario.event, "built-in")):
             print(f"rover-sim serve: {note}", file=sys.stderr)  # noqa: T201 - one line that a user must see
         output_folder(folder)
         for name in live.FILES:

@@ -8,6 +8,7 @@ from typing import Any, Protocol, Self
 
 from rover_sim.driven_rover import STEPS_PER_S
 from rover_sim.errors import LinkError
+from rover_sim.hil.ardupilot_imu import ToldMotion
 from rover_sim.hil.ardupilot_json import ServoPacket, side_shares, state_message
 from rover_sim.hil.lockstep import Datagram, Lockstep, Peer, Request
 from rover_sim.hil.session import NOBODY, Driven, End, Watchers
@@ -101,6 +102,7 @@ class ArduPilotSession:
     def _start(self) -> None:
         self._driven = self._begin()
         self._sampler = NedSampler(self.traverse.simulation)
+        self._told = ToldMotion(self.traverse.world)
         self._steps = 0
 
     def _next_request(self) -> Request | None:
@@ -161,7 +163,7 @@ class ArduPilotSession:
         if late_s > 0.0:
             self._clockwork.pause(late_s)
         try:
-            self._reply = state_message(state.time_s, state)
+            self._reply = state_message(state.time_s, self._told.of(state))
         except ValueError:
             self._reply = b""
             return Reason.ERROR, "the physics gave a number that is not finite; the autopilot was not told"
