@@ -36,5 +36,7 @@ def mission(scenario: Scenario, seed: int, watchers: Watchers = NOBODY) -> tuple
     x, y, z = traverse.simulation.chassis_motion[:3].tolist()
     peer = Px4Peer(hil, LocalFrame(world.origin), (x, y, z), "memory")
     clockwork = Clockwork(hil.wait, lambda _: 0.0, 60.0)
-    with Px4Session(peer, Driven(traverse, outputs), clockwork, watchers) as session:
-        return session.run(), vehicle
+    try:
+        return Px4Session(peer, Driven(traverse, outputs), clockwork, watchers).run(), vehicle
+    finally:
+        traverse.close()

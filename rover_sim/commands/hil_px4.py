@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from rover_sim.commands.hil_stage import Stage
     from rover_sim.hil.px4_peer import Profile
     from rover_sim.hil.px4_session import Px4Session
+    from rover_sim.hil.session import Driven
     from rover_sim.mavlink.transport import Transport
 
 DEFAULT_BIND = "127.0.0.1:4560"
@@ -76,41 +77,42 @@ def _session(args: argparse.Namespace, stage: Stage, *, board: bool) -> Iterator
     from rover_sim.commands.hil_stage import say
     from rover_sim.hil.px4_link import open_port
     from rover_sim.hil.px4_peer import BOARD, PROGRAM
+    from rover_sim.hil.px4_session import STEPS_PER_S, figures_text
     from rover_sim.hil.serial_board import SharedLine, open_board
 
     if args.write_params is not None:
         _write_parameters(args.write_params, stage, board=board)
-    if board:
-        line = SharedLine(open_board(args.bind), args.connect)
-        planner = line.planner if args.autopilot == args.bind else None
-        with _opened(args, stage, line.simulator, BOARD, planner) as session:
-            yield session
-        return
-    port = open_port(args.bind)
-    say(f"PX4 is expected at {args.bind}; start it with its MAVLink simulator (simulator_mavlink start -c {port.port})")
-    with _opened(args, stage, port, PROGRAM, None) as session:
+    with ExitStack() as opened:
+        transport: Transport
+        if board:
+            line = SharedLine(open_board(args.bind), args.connect)
+            transport, planner = line.simulator, line.planner if args.autopilot == args.bind else None
+            opened.callback(line.close)
+            driven = stage.begin(STEPS_PER_S, planner)
+            opened.callback(driven.traverse.close)
+        else:
+            driven = stage.begin(STEPS_PER_S)
+            opened.callback(driven.traverse.close)
+            transport = port = open_port(args.bind)  # not before: a PX4 that has connected wants to be served
+            opened.callback(port.close)
+            say(f"PX4 is expected at {args.bind}; start it with its simulator_mavlink at port {port.port}")
+        session = _serve(args, stage, driven, transport, BOARD if board else PROGRAM)
         yield session
+        say(figures_text(session.figures))
 
 
-@contextmanager
-def _opened(
-    args: argparse.Namespace, stage: Stage, transport: Transport, profile: Profile, planner: Transport | None
-) -> Iterator[Px4Session]:
-    """A session over an open transport, which is closed with it; ``planner``: the line's end for the missions."""
+def _serve(
+    args: argparse.Namespace, stage: Stage, driven: Driven, transport: Transport, profile: Profile
+) -> Px4Session:
     from rover_sim.hil.px4_peer import Px4Peer
-    from rover_sim.hil.px4_session import STEPS_PER_S, Clockwork, Px4Session
+    from rover_sim.hil.px4_session import Clockwork, Px4Session
     from rover_sim.mavlink.geodesy import LocalFrame
     from rover_sim.pacing import Pace, wait_for_news
 
-    try:
-        driven = stage.begin(STEPS_PER_S, planner)
-        clockwork = Clockwork(wait_for_news, Pace(profile.forgiven_s).left_s, args.wait, args.speed)
-        x, y, z = driven.traverse.simulation.chassis_motion[:3].tolist()
-        peer = Px4Peer(transport, LocalFrame(stage.world.origin), (x, y, z), args.bind, profile)
-        with Px4Session(peer, driven, clockwork, stage.watchers) as session:
-            yield session
-    finally:
-        transport.close()
+    clockwork = Clockwork(wait_for_news, Pace(profile.forgiven_s).left_s, args.wait, args.speed)
+    x, y, z = driven.traverse.simulation.chassis_motion[:3].tolist()
+    peer = Px4Peer(transport, LocalFrame(stage.world.origin), (x, y, z), args.bind, profile)
+    return Px4Session(peer, driven, clockwork, stage.watchers)
 
 
 def _write_parameters(path: Path, stage: Stage, *, board: bool) -> None:

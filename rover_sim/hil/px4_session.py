@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from math import isfinite
-from typing import Any, Self
+from typing import Any
 
 from rover_sim.errors import LinkError
 from rover_sim.hil.px4_messages import STEP_USEC
@@ -35,7 +35,7 @@ class Clockwork:
 
 
 class Px4Session:
-    """One traverse under a PX4, closed with it; a PX4 that begins anew is served on from where the rover is."""
+    """One traverse under a PX4; one that begins anew is served on from where the rover is."""
 
     def __init__(self, peer: Px4Peer, driven: Driven, clockwork: Clockwork, watchers: Watchers = NOBODY) -> None:
         self._peer, self._driven, self._clockwork, self._watchers = peer, driven, clockwork, watchers
@@ -43,12 +43,6 @@ class Px4Session:
         self._sampler = NedSampler(driven.traverse.simulation)
         self._beat, self._steps, self._connections = Beat(), 0, 0
         self._told_s = 0.0  # simulated time of what PX4 was told last
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.traverse.close()
 
     @property
     def traverse(self) -> Traverse:
@@ -65,7 +59,7 @@ class Px4Session:
         while ended is None:
             ended = self._step() if self._peer.connected else self._await_px4()
         summary = self.traverse.summary(*ended, wall_time_s=clock.elapsed_s())
-        return {**summary, "hil": self._figures()}
+        return {**summary, "hil": self.figures}
 
     def _await_px4(self) -> End | None:
         """Wait until a PX4 has shown itself; the end that its absence or a wish to stop makes."""
@@ -125,7 +119,9 @@ class Px4Session:
             self._clockwork.wait((), left_s)
         return ended
 
-    def _figures(self) -> dict[str, Any]:
+    @property
+    def figures(self) -> dict[str, Any]:
+        """How the link has done: JSON."""
         slip = self._peer.lockstep.slip
         return {
             "autopilot": "px4",
@@ -138,3 +134,15 @@ class Px4Session:
 
 def _is_finite(truth: NedState) -> bool:
     return all(map(isfinite, (*truth.position_m, *truth.velocity_m_s, *truth.quaternion, *truth.rate_rad_s)))
+
+
+def figures_text(figures: dict[str, Any]) -> str:
+    """The same in a line."""
+    beat, slip = figures["beat"], figures["lockstep"]
+    if beat is None:
+        return "no step was made"
+    text = f"{beat['rate_hz']:.1f} steps a second, {beat['median_ms']:.2f} ms apart in the median, "
+    text += f"p99 {beat['p99_ms']:.2f}, longest {beat['longest_ms']:.1f}"
+    if slip is None:
+        return text
+    return f"{text}; {slip['late']} of {slip['answers']} answers late, by {slip['most_steps']} steps at most"
