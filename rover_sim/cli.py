@@ -15,6 +15,7 @@ COMMANDS = {
     "run": "one closed-loop traverse: perceive, plan, upload missions, drive",
     "hil": "be the physics of ArduPilot or PX4, and plan for it",
     "serve": "the rover as a live MAVLink vehicle for a ground station",
+    "handover": "upload a plan to an autopilot that is not ours, and follow it",
     "teleop": "steer a rover by keyboard or gamepad",
     "trials": "many traverses over a grid of conditions, with a report",
     "slope": "slope and traction stress test against published curves",

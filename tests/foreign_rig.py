@@ -34,10 +34,11 @@ class ForeignPair:
         self.companion = ForeignCompanion(Link(ours, {}), patience=patience)
         self.double, self.rover = double(theirs), KinematicRover()
         self.time_s = start_s
+        self.tick: Callable[[float], object] = self.companion.tick  # or who ticks it
 
     def step(self) -> None:
         wheels = self.double.tick(self.time_s, self.rover.motion)
-        self.companion.tick(self.time_s)
+        self.tick(self.time_s)
         self.rover.step(wheels, STEP_S)
         self.time_s += STEP_S
 

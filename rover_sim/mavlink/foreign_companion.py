@@ -14,7 +14,7 @@ from dataclasses import replace
 from rover_sim.autopilot.modes import MissionState, Mode
 from rover_sim.mavlink.commander import Commander, CommandState, PendingCommand
 from rover_sim.mavlink.companion import COMPONENT
-from rover_sim.mavlink.dialect import Message, mavlink
+from rover_sim.mavlink.dialect import Message, Signer, mavlink
 from rover_sim.mavlink.endpoint import Endpoint, Link
 from rover_sim.mavlink.foreign_discovery import Found, find
 from rover_sim.mavlink.foreign_pursuit import Patience, Pursuit, Wish
@@ -36,10 +36,13 @@ _COMPLETE = "mission complete"
 class ForeignCompanion:
     """Companion of the first autopilot that is heard: it takes its system number, as component 191."""
 
-    def __init__(self, link: Link, log: Link | None = None, patience: Patience | None = None) -> None:
+    def __init__(
+        self, link: Link, log: Link | None = None, patience: Patience | None = None, signer: Signer | None = None
+    ) -> None:
+        """``signer``: signs what is sent; what it does not believe is not heard."""
         self.found: Found | None = None
-        self.endpoint = Endpoint(_STRANGER, COMPONENT, [link], log)
-        self._link, self._log, self._patience = link, log, patience or Patience()
+        self._link, self._log, self._signer, self._patience = link, log, signer, patience or Patience()
+        self.endpoint = self._endpoint(_STRANGER)
         self._watch, self._readiness = VehicleWatch(), Readiness()
         self._commander, self._requests = Commander(self._send, 0, 0), Commander(self._send, 0, 0)
         self._uploader = VerifiedUploader(self._send)
@@ -75,6 +78,11 @@ class ForeignCompanion:
     def waits_for(self) -> str:
         """What the vehicle is still waited for, in words; empty once it is ready to drive."""
         return self._readiness.waits_for
+
+    @property
+    def transfers(self) -> bool:
+        """Whether a mission is on its way, being read back or being cleared."""
+        return self._uploader.busy
 
     @property
     def busy(self) -> bool:
@@ -131,6 +139,10 @@ class ForeignCompanion:
             return self.start_mission()
         return self._wish(Wish(_handle(_SET_MODE, float(number)), Mode(number)))
 
+    def get_ready(self) -> PendingCommand:
+        """Wait until the vehicle is ready to drive by itself, as long as it is waited for."""
+        return self._wish(Wish(_handle(_ARM)))
+
     def start_mission(self) -> PendingCommand:
         """Start the mission that was sent last, once it was read back; nothing else is ever started."""
         handle = _handle(_SET_MODE, float(Mode.AUTO))
@@ -173,12 +185,15 @@ class ForeignCompanion:
         """Close the link."""
         self.endpoint.close()
 
+    def _endpoint(self, system: int) -> Endpoint:
+        return Endpoint(system, COMPONENT, [self._link], self._log, signer=self._signer)
+
     def _meet(self, found: Found | None) -> None:
         """From now on we are a component of the vehicle's system."""
         if found is None:
             return
         self.found = found
-        self.endpoint = Endpoint(found.system, COMPONENT, [self._link], self._log)
+        self.endpoint = self._endpoint(found.system)
         if not found.is_rover:
             self._trouble = Trouble(TroubleKind.WRONG_VEHICLE, f"a {found.name}; allowed: a ground rover")
             return
@@ -209,6 +224,8 @@ class ForeignCompanion:
     def _finish(self) -> None:
         """What goes on in trouble too: a torn mission is still to be cleared."""
         time_s = self._time_s
+        if self.trouble is not None:
+            self._uploader.refuse(self.trouble.text)
         if self.found is not None and self.found.is_rover:
             self._uploader.tick(time_s, may_begin=self.trouble is None and self._pursuit.may_upload(self._watch.status))
             self._commander.tick(time_s)

@@ -8,9 +8,11 @@ from dataclasses import dataclass, replace
 
 from rover_sim.autopilot.modes import MissionState
 from rover_sim.mavlink.dialect import Message, mavlink
+from rover_sim.mavlink.geodesy import DEGREES_E7, GeoPoint
 
 LINK_LOST_S = 3.5  # the silence after which QGroundControl gives a vehicle up
 _LAST_TEXTS = 20
+_NO_HEADING = 65535
 
 
 @dataclass(frozen=True)
@@ -26,6 +28,8 @@ class VehicleStatus:
     mission_id: int = 0  # of the mission that the vehicle has; 0: none, or it tells no ids
     reached: tuple[int, ...] = ()  # items of the mission uploaded last
     texts: tuple[tuple[float, int, str], ...] = ()  # time, severity, text; oldest first
+    place: GeoPoint | None = None
+    heading_deg: float | None = None  # compass
 
 
 class VehicleWatch:
@@ -43,6 +47,7 @@ class VehicleWatch:
             "MISSION_CURRENT": self._mission_current,
             "MISSION_ITEM_REACHED": self._reached,
             "STATUSTEXT": self._text,
+            "GLOBAL_POSITION_INT": self._position,
         }
 
     @property
@@ -87,6 +92,13 @@ class VehicleWatch:
         seq = message.seq + self.first_item
         if seq not in self._status.reached:
             self._status = replace(self._status, reached=(*self._status.reached, seq))
+
+    def _position(self, message: Message) -> None:
+        if message.lat == 0 and message.lon == 0:
+            return  # no position yet
+        place = GeoPoint(message.lat / DEGREES_E7, message.lon / DEGREES_E7, message.alt / 1e3)
+        heading = None if message.hdg == _NO_HEADING else message.hdg / 100.0
+        self._status = replace(self._status, place=place, heading_deg=heading)
 
     def _text(self, message: Message) -> None:
         """A text, put together from its chunks: the last is the one with room left."""
