@@ -359,4 +359,6 @@ class Traverse:
         left = self._goal_distance(state)
         slip = float(np.abs(state.slip).mean())
         done = max(0.0, 1.0 - left / max(whole, 1e-9))
-        return Status(state.time_s, left, done, slip, self.onboard.doing, self._rover.faults.lasting)
+        waits_for = self._stack.companion.waits_for
+        doing = f"waits for {waits_for}" if waits_for else self.onboard.doing
+        return Status(state.time_s, left, done, slip, doing, self._rover.faults.lasting)

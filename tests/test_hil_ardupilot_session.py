@@ -239,6 +239,7 @@ def test_the_physics_may_begin_anew() -> None:
     assert double.count == 100
     assert double.log == ["Detected physics reset"]
     assert len(again.courses) == 1
+    assert any("for 50 steps" in text and "restart it" in text for text in again.said)
     assert double.clock_s == pytest.approx(99 * STEP_S)
 
 

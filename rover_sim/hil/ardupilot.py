@@ -174,8 +174,13 @@ class ArduPilotSession:
         return ended
 
     def _greet(self, packet: ServoPacket) -> None:
-        """The first packet: time counts from here, and its rate shows how the autopilot was started."""
+        """The first packet: time counts from here, and it shows how the autopilot was started."""
         self._started_s = self._clockwork.now_s()
+        if packet.frame_count > 0 and self._restarts == 0:
+            text = (
+                f"the autopilot had been running, for {packet.frame_count} steps, and its rover now jumps to the start"
+            )
+            self._watchers.say(f"{text}: restart it if it does not get ready")
         if abs(packet.frame_rate_hz - STEPS_PER_S) > _RATE_SLACK_HZ:
             text = f"the autopilot expects {packet.frame_rate_hz} steps a second and gets {STEPS_PER_S}"
             self._watchers.say(f"{text}: start it with --rate {STEPS_PER_S}")

@@ -56,6 +56,11 @@ class Companion:
         return None
 
     @property
+    def waits_for(self) -> str:
+        """Nothing: our own vehicle is ready from the start."""
+        return ""
+
+    @property
     def owns_mission(self) -> bool | None:
         """Whether the vehicle's mission was uploaded here; None without a mission, or where ids are not told."""
         held = self.status.mission_id

@@ -51,6 +51,11 @@ class VehicleControl(Protocol):
         ...
 
     @property
+    def waits_for(self) -> str:
+        """What the vehicle is still waited for, in words; empty once it is ready to drive."""
+        ...
+
+    @property
     def owns_mission(self) -> bool | None:
         """Whether the vehicle's mission was uploaded here; None without a mission, or where nothing tells."""
         ...
