@@ -68,6 +68,12 @@ def test_without_its_inertial_unit_the_autopilot_stops_for_want_of_a_pose() -> N
     ]
 
 
+def test_after_a_gap_of_its_inertial_unit_the_rover_goes_on() -> None:
+    summary = drive(plain(Event(kind="sensor_loss", sensor="imu", time_s=3.0, duration_s=1.5), limit_s=30.0))
+    assert summary["reason"] == "goal"
+    assert said(summary, "autopilot")[2:4] == ["Auto: pose estimate is 1.2 s old", "mode auto"]
+
+
 @pytest.mark.parametrize("sensor", ["magnetometer", "gnss"])
 def test_the_goal_is_reached_without_compass_or_receiver(sensor: Any) -> None:
     summary = drive(plain(Event(kind="sensor_loss", sensor=sensor, time_s=3.0)))

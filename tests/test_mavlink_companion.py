@@ -224,3 +224,42 @@ def test_a_link_that_cannot_open_closes_the_others() -> None:
     with pytest.raises(InputError, match="unknown kind"):
         MavlinkStack(Origin(), Autopilot(FOOTPRINT, HOME), [f"udpin:127.0.0.1:{port}", "nonsense"])
     UdpIn(parse_url(f"udpin:127.0.0.1:{port}")).close()
+
+
+def refuse(pair: Pair, monkeypatch: pytest.MonkeyPatch) -> list[float]:
+    """Times at which the autopilot, which is not ready, is asked to start the mission."""
+    asked: list[float] = []
+
+    def start_mission() -> str:
+        asked.append(pair.time_s)
+        return "not now"
+
+    monkeypatch.setattr(pair.autopilot, "start_mission", start_mission)
+    return asked
+
+
+def test_a_refused_start_is_asked_for_again_until_it_is_granted(monkeypatch: pytest.MonkeyPatch) -> None:
+    pair = Pair()
+    pair.run(0.5)
+    with monkeypatch.context() as patch:
+        asked = refuse(pair, patch)
+        pair.companion.drive(pair.items((5.0, 0.0)), pair.time_s)
+        pair.run(5.0)
+    assert np.diff(asked) == pytest.approx([2.0, 2.0], abs=0.1)
+    pair.run(2.5)
+    assert pair.companion.status.mode == Mode.AUTO
+
+
+@pytest.mark.parametrize("by", ["person", "planner"])
+def test_a_refused_start_is_given_up_when_something_else_is_wanted(by: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    pair = Pair()
+    pair.run(0.5)
+    asked = refuse(pair, monkeypatch)
+    pair.companion.drive(pair.items((5.0, 0.0)), pair.time_s)
+    pair.run(1.0)
+    if by == "person":
+        pair.autopilot.set_mode(Mode.MANUAL)
+    else:
+        pair.companion.turn_to(1.0)
+    pair.run(5.0)
+    assert len(asked) == 1

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 
 from rover_sim.autopilot.modes import Mode
-from rover_sim.mavlink.commander import Commander, PendingCommand
+from rover_sim.mavlink.commander import Commander, CommandState, PendingCommand
 from rover_sim.mavlink.dialect import Message, mavlink
 from rover_sim.mavlink.endpoint import Endpoint, Link
 from rover_sim.mavlink.geodesy import heading_deg
@@ -17,6 +18,16 @@ from rover_sim.mavlink.wire import WireItem
 
 COMPONENT = int(mavlink.MAV_COMP_ID_ONBOARD_COMPUTER)
 _LAST_UPLOADS = 8
+_START_AGAIN_S = 2.0  # after a refusal
+
+
+@dataclass
+class StartWish:
+    """A mission that is to be started."""
+
+    command: PendingCommand
+    mode: int | None  # of the vehicle when it was asked
+    refused_s: float | None = None
 
 
 class Companion:
@@ -31,6 +42,7 @@ class Companion:
         self._time_s = 0.0
         self._beat_s: float | None = None
         self._to_drive: Upload | None = None
+        self._start_wish: StartWish | None = None
         self._uploads: deque[Upload] = deque(maxlen=_LAST_UPLOADS)
         self._handlers: Mapping[str, Callable[[Message], None]] = {
             **self._watch.handlers,
@@ -68,7 +80,7 @@ class Companion:
 
     def upload(self, items: Sequence[WireItem], time_s: float) -> Upload:
         """Send a mission; while another is on its way it waits, and only the newest waits."""
-        self._to_drive = None
+        self._to_drive = self._start_wish = None
         self._watch.forget_progress()
         self._uploads.append(self._uploader.upload(items, time_s))
         return self._uploads[-1]
@@ -89,6 +101,7 @@ class Companion:
 
     def set_mode(self, number: int) -> PendingCommand:
         """Change the mode."""
+        self._start_wish = None
         custom = float(mavlink.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED)
         return self.command(mavlink.MAV_CMD_DO_SET_MODE, custom, float(number))
 
@@ -102,6 +115,7 @@ class Companion:
 
     def turn_to(self, yaw_rad: float) -> PendingCommand:
         """Turn on the spot to a heading in the world, in mode Guided."""
+        self._start_wish = None
         return self.command(mavlink.MAV_CMD_CONDITION_YAW, heading_deg(yaw_rad))
 
     def tick(self, time_s: float) -> None:
@@ -115,6 +129,7 @@ class Companion:
         self._uploader.tick(time_s)
         if self._to_drive is not None and self._to_drive.state is not UploadState.SENDING:
             self._start(self._to_drive)
+        self._insist(time_s)
         self._commander.tick(time_s)
         if self._beat_s is None or time_s - self._beat_s >= 1.0:
             self._beat_s = time_s
@@ -132,7 +147,19 @@ class Companion:
             if not self.status.armed:
                 self.arm()
             if self.status.mode != Mode.AUTO:
-                self.start_mission()
+                self._start_wish = StartWish(self.start_mission(), self.status.mode)
+
+    def _insist(self, time_s: float) -> None:
+        """Ask again for a start that was refused, as what was in its way may be over; not if somebody took over."""
+        wish = self._start_wish
+        if wish is None or wish.command.state is CommandState.SENDING:
+            return
+        if wish.command.state is CommandState.DONE or self.status.mode != wish.mode or not self.owns_mission:
+            self._start_wish = None
+        elif wish.refused_s is None:
+            wish.refused_s = time_s
+        elif time_s - wish.refused_s >= _START_AGAIN_S:
+            self._start_wish = StartWish(self.start_mission(), wish.mode)
 
     def _send(self, message: Message) -> None:
         self.endpoint.broadcast(message)
