@@ -13,6 +13,7 @@ from rover_sim.hil.handling import measure_handling
 from rover_sim.hil.lockstep import Lockstep
 from rover_sim.hil.outputs import OutputDriver
 from rover_sim.hil.session import NOBODY, Driven, Watchers
+from rover_sim.mavlink.foreign_pursuit import Patience
 from rover_sim.mavlink.memory import memory_link
 from rover_sim.sim.rover import load_rover
 from rover_sim.traverse import RunOptions, Traverse
@@ -22,20 +23,24 @@ from worlds.build import build_world
 from worlds.scenario import Origin, Scenario
 
 
-def mission(scenario: Scenario, seed: int, watchers: Watchers = NOBODY) -> tuple[dict[str, Any], JoinedVehicle]:
-    """One traverse from a cold start of the autopilot: its summary, and the vehicle."""
+def mission(
+    scenario: Scenario, seed: int, watchers: Watchers = NOBODY, *, patience: Patience | None = None, mute: bool = False
+) -> tuple[dict[str, Any], JoinedVehicle]:
+    """One traverse from a cold start of the autopilot: its summary, and the vehicle; a mute one has no MAVLink."""
+    patience = patience or Patience()
     world, rover = build_world(scenario, seed), load_rover(scenario.rover.model)
     ours, theirs = memory_link()
     frame = ArduPilotFrame(world.origin, home(world))
     place = frame.to_geo(home(world))
     fitted = parameters(rover, measure_handling(rover, world.soil, scenario.gravity_m_s2), scenario.goal.radius_m)
     origin = Origin(place.latitude_deg, place.longitude_deg, place.altitude_m)
-    vehicle = JoinedVehicle(theirs, origin, fitted)
+    vehicle = JoinedVehicle(memory_link()[1] if mute else theirs, origin, fitted, seed)
     port = MemoryPort(vehicle.json)
 
     def begin() -> Driven:
-        link, outputs = AutopilotLink(frame, home(world), ours), OutputDriver(rover.footprint())
-        return Driven(Traverse(world, rover, outputs, link, RunOptions(link_grace_s=31.0)), outputs)
+        link, outputs = AutopilotLink(frame, home(world), ours, None, patience), OutputDriver(rover.footprint())
+        options = RunOptions(link_grace_s=patience.vehicle_s + 1.0, autopilot="ardupilot")
+        return Driven(Traverse(world, rover, outputs, link, options), outputs)
 
     with ArduPilotSession(port, Lockstep(loopback_only=True), begin, port.clockwork(), watchers) as session:
         summary = session.run()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from rover_sim.mavlink.foreign_pursuit import Patience
 from tests.ardupilot_checks import check_rest, check_stream
 from tests.ardupilot_mission import mission
 from worlds.scenario import Camera, Goal, Rocks, Scenario, SoilChoice, Terrain, load_scenario
@@ -30,6 +31,18 @@ def test_a_short_mission_reaches_its_goal() -> None:
     assert 42.6 < moving < 50.0
     check_rest(states[1 : 42 * 240])
     check_stream(states)
+
+
+def test_an_autopilot_without_mavlink_is_a_lost_link_that_says_so() -> None:
+    summary, _ = mission(SHORT, 3, patience=Patience(vehicle_s=3.0), mute=True)
+    assert (summary["reason"], summary["detail"]) == ("link_lost", "no autopilot heard within 3 s")
+
+
+def test_an_autopilot_that_does_not_get_ready_is_a_lost_link_that_says_what_it_lacks() -> None:
+    summary, vehicle = mission(SHORT, 3, patience=Patience(ready_s=8.0))
+    assert summary["reason"] == "link_lost"
+    assert "not ready within 8 s: it waits for a position (estimator flags 167)" in summary["detail"]
+    assert not vehicle.rover.armed
 
 
 @pytest.mark.slow
