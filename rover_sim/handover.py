@@ -66,6 +66,7 @@ class Handover:
         self._start, self._limit_s = start, limit_s
         self._ready: PendingCommand | None = None
         self._upload: Upload | None = None
+        self._was_armed = False  # before we came
         self._holding: tuple[PendingCommand, float, Ending] | None = None
         self._next: Callable[[], Ending | None] = self._prepare
 
@@ -76,7 +77,7 @@ class Handover:
         if companion.found is None:
             return "waiting for a heartbeat"
         if self._holding is not None:
-            return "telling it to hold"
+            return "telling it to stop"
         if self.begun_s is not None:
             left = self._left_m()
             way = "" if left is None else f", {left:.1f} m to the end"
@@ -93,8 +94,7 @@ class Handover:
             return self._held(*self._holding)
         trouble = self.companion.trouble
         if trouble is not None:
-            # A torn mission is cleared before anything is said.
-            return None if self.companion.transfers else Ending(_ENDS[trouble.kind], trouble.text)
+            return self._in_trouble(Ending(_ENDS[trouble.kind], trouble.text))
         heard_s = self.companion.status.heard_s
         if heard_s is not None and time_s - heard_s > SILENT_S:
             return Ending(HandoverEnd.LINK_LOST, f"the vehicle has not been heard for {SILENT_S:g} s")
@@ -120,6 +120,7 @@ class Handover:
         far_m = self._distance_m(self.plan.places[0])
         if far_m is not None and far_m > FAR_M:
             return Ending(HandoverEnd.TOO_FAR, f"the way begins {far_m:.0f} m from the vehicle; allowed: {FAR_M:g} m")
+        self._was_armed = self.companion.status.armed
         self._upload, self._next = self.companion.drive(self.plan.items, self.time_s), self._bring
         return None
 
@@ -155,6 +156,15 @@ class Handover:
             self._hold(Ending(HandoverEnd.TIMEOUT, f"not complete within {self._limit_s:g} s"))
         return None
 
+    def _in_trouble(self, ending: Ending) -> Ending | None:
+        """A torn mission is cleared, and what we armed for nothing is disarmed, before anything is said."""
+        if self.companion.transfers:
+            return None
+        if self._upload is None or self._was_armed or not self.companion.status.armed:
+            return ending
+        self._holding = self.companion.arm(on=False), self.time_s, ending
+        return None
+
     def _hold(self, ending: Ending) -> None:
         """In Auto, the next mission that anybody sends would be driven at once."""
         self._holding = self.companion.set_mode(Mode.HOLD), self.time_s, ending
@@ -163,7 +173,7 @@ class Handover:
         if pending.state is CommandState.SENDING and self.time_s - since_s < HOLD_S:
             return None
         held = pending.state is CommandState.DONE
-        return ending if held else Ending(ending.end, f"{ending.detail}; it did not answer the command to hold")
+        return ending if held else Ending(ending.end, f"{ending.detail}; it did not obey the last command, to stop")
 
     def _uploading(self) -> bool:
         return self._upload is None or self._upload.state is UploadState.SENDING

@@ -10,6 +10,7 @@ import pytest
 from rover_sim.autopilot.modes import MissionState, Mode
 from rover_sim.mavlink.commander import CommandState
 from rover_sim.mavlink.dialect import Packer, Parser, mavlink
+from rover_sim.mavlink.faults import Faults
 from rover_sim.mavlink.foreign_discovery import find
 from rover_sim.mavlink.foreign_pursuit import Patience
 from rover_sim.mavlink.plan_items import backing_items
@@ -104,6 +105,22 @@ def test_the_next_leg_is_never_uploaded_into_a_mission_that_is_being_driven() ->
     assert not double.started_torn
     pair.until(lambda: pair.companion.status.mission_state is MissionState.COMPLETE, 60.0)
     assert [item.x for item in double.driven[before:]] == [item.x for item in upload.items[1:]]  # from its first item
+
+
+@pytest.mark.parametrize("after_s", [0.05 * step for step in range(24)])
+def test_a_change_of_mind_at_any_moment_of_a_leg_change_ends_in_the_last_mission_from_its_first_item(
+    after_s: float,
+) -> None:
+    pair = ForeignPair(faults=Faults(delay_s=0.04), start_s=READY_S)
+    double = driving(pair, (9.0, 0.0), (9.0, 9.0), (0.0, 9.0))
+    pair.until(lambda: double.current == 2, 30.0)
+    pair.companion.drive(pair.items((12.0, 3.0), (12.0, 6.0)), pair.time_s)
+    pair.run(after_s)
+    last = pair.companion.drive(pair.items((5.0, 5.0), (4.0, 6.0), (4.0, 2.0)), pair.time_s)
+    pair.until(lambda: bool(double.driven) and double.driven[-1].x == last.items[1].x, 15.0)
+    assert not double.started_torn
+    pair.until(lambda: pair.companion.status.mission_state is MissionState.COMPLETE, 60.0)
+    assert [item.x for item in double.driven[-3:]] == [item.x for item in last.items[1:]]
 
 
 def test_it_backs_up_and_turns_on_the_spot() -> None:

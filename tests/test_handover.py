@@ -142,6 +142,21 @@ def test_a_vehicle_that_is_not_ready_in_time_is_told_with_what_it_lacks() -> Non
     assert "within 20 s: it waits for a position (estimator flags 167)" in handed.ending.detail
 
 
+def test_what_was_armed_for_nothing_is_disarmed() -> None:
+    class Stubborn(ArduRoverDouble):
+        """Refuses Auto."""
+
+        def set_mode(self, number: int) -> int:
+            return 4 if number == AUTO else super().set_mode(number)
+
+    handed = Handed(Stubborn, patience=Patience(started_s=8.0))
+    handed.pair.until(lambda: handed.pair.double.armed, 20.0)
+    assert handed.to_the_end() is HandoverEnd.NOT_STARTED
+    assert handed.ending is not None
+    assert handed.ending.detail == "it does not change its mode: failed"
+    assert not handed.pair.double.armed
+
+
 def test_a_person_who_changes_the_mode_has_the_vehicle() -> None:
     handed = Handed()
     double = handed.pair.double

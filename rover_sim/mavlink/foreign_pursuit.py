@@ -52,6 +52,7 @@ class Pursuit:
         self._again_s = 0.0
         self._base: int | None = None  # the mode in which the wish found the armed vehicle
         self._sent_mode = Mode.HOLD  # by the pending command
+        self._sent_for: Upload | None = None  # the mission whose first item the pending command names
         self._rewound: Upload | None = None  # the mission whose first item is the current one
         self._accepted: tuple[Mode, float] | None = None  # the mode that it took last
         self._armed_s: float | None = None
@@ -63,22 +64,20 @@ class Pursuit:
 
     def want(self, wish: Wish | None, status: VehicleStatus) -> None:
         """Another wish; the one before is given up. A command that is under way still counts."""
+        if self.wish is None or wish is None or self.wish.mode is not wish.mode:
+            self._since_s, self._again_s = {}, 0.0  # else patience goes on: planners change their minds often
         self._end(CommandState.FAILED)
-        self.wish, self._since_s, self._again_s = wish, {}, 0.0
-        self._base = self._told(status)[0] if status.armed else None
+        self.wish = wish
+        mode, armed = self._told(status)
+        self._base = mode if armed else None
         self._paused = self._paused and wish is not None and wish.mode is Mode.AUTO
 
     def seen(self, status: VehicleStatus) -> tuple[int | None, bool]:
-        """Mode and arming as they are by now: an acceptance tells sooner than the next heartbeat.
+        """Mode and arming as they are by now.
 
         While the vehicle only holds for a new mission its mode is Auto, as it was and will be.
         """
-        heard = -1.0 if status.heard_s is None else status.heard_s
-        mode, armed = status.mode, status.armed
-        if self._accepted is not None and self._accepted[1] >= heard:
-            mode = int(self._accepted[0])
-        if self._armed_s is not None and self._armed_s >= heard:
-            armed = True
+        mode, armed = self._told(status)
         return (int(Mode.AUTO) if self._paused and mode == Mode.HOLD else mode), armed
 
     def may_upload(self, status: VehicleStatus) -> bool:
@@ -106,10 +105,10 @@ class Pursuit:
             return
         if wish.upload is not None and wish.upload.state is not UploadState.DONE:
             self._give_up(TroubleKind.REFUSED, f"the mission is not on board: {wish.upload.reason}")
-        elif wish.mode is not Mode.HOLD and waits_for:
+        elif waits_for and wish.mode is not Mode.HOLD and not _is_so(wish, mode, armed=armed):
             self._wait(waits_for, status, time_s)
         elif wish.upload is not None and self._rules.resumes and self._rewound is not wish.upload:
-            first = float(FIRST_ITEM - self._rules.first_item)
+            first, self._sent_for = float(FIRST_ITEM - self._rules.first_item), wish.upload
             self._try("rewind", mavlink.MAV_CMD_DO_SET_MISSION_CURRENT, (first,), time_s)
         elif wish.armed and not armed:
             self._try("arm", mavlink.MAV_CMD_COMPONENT_ARM_DISARM, (1.0,), time_s)
@@ -121,11 +120,12 @@ class Pursuit:
                 self._end(CommandState.DONE)
 
     def _told(self, status: VehicleStatus) -> tuple[int | None, bool]:
-        """As `seen`, with a hold for a new mission as what it is."""
-        paused, self._paused = self._paused, False
-        told = self.seen(status)
-        self._paused = paused
-        return told
+        """Mode and arming by the last heartbeat, or by an acceptance, which tells sooner than the next one."""
+        heard_s = -1.0 if status.heard_s is None else status.heard_s
+        mode = status.mode
+        if self._accepted is not None and self._accepted[1] >= heard_s:
+            mode = int(self._accepted[0])
+        return mode, status.armed or (self._armed_s is not None and self._armed_s >= heard_s)
 
     def _taken(self, wish: Wish, status: VehicleStatus) -> bool:
         """Whether an armed vehicle is in a mode that neither was nor is wanted: a person's, or a fail-safe's."""
@@ -161,13 +161,14 @@ class Pursuit:
         self._give_up(kind, f"{_STEPS[step]}: {self._reason(pending, status, time_s)}")
 
     def _achieved(self, step: str, time_s: float) -> None:
+        self._since_s.pop(step, None)
         if step in ("hold", "mode"):
             self._accepted = self._sent_mode, time_s
             self._paused = step == "hold"
         elif step == "arm":
             self._armed_s = time_s
-        elif self.wish is not None:
-            self._rewound = self.wish.upload
+        else:
+            self._rewound = self._sent_for
 
     def _reason(self, pending: PendingCommand, status: VehicleStatus, time_s: float) -> str:
         said = complaint(status.texts, self._rules, time_s - COMPLAINT_S)
@@ -183,6 +184,11 @@ class Pursuit:
     def _give_up(self, kind: TroubleKind, text: str) -> None:
         self.trouble, self._paused = Trouble(kind, text), False
         self._end(CommandState.FAILED)
+
+
+def _is_so(wish: Wish, mode: int | None, *, armed: bool) -> bool:
+    """Whether the vehicle does already what is wished."""
+    return wish.mode is not None and mode == wish.mode and (armed or not wish.armed)
 
 
 _STEPS = {
