@@ -11,7 +11,7 @@ from worlds import fault_events, route_table, sensor_tables
 from worlds.errors import ScenarioError
 from worlds.fault_events import Event, check_events
 from worlds.route_table import MAP_SUFFIXES, ORBITAL, RouteTable
-from worlds.sensor_tables import Actuator, Barometer, Encoder, Gnss, Imu, Magnetometer
+from worlds.sensor_tables import Actuator, Barometer, Encoder, Gnss, Imu, Magnetometer, check_sensors
 from worlds.soil_file import is_soil_file, load_soil
 from worlds.strict_toml import Table, check_limits, convert_table, dump_toml, read_table
 
@@ -290,6 +290,7 @@ def check_scenario(scenario: Scenario, source: str) -> None:
     _check_soils(scenario.soil, source)
     _check_eyes(scenario, source)
     check_events(scenario, source)
+    check_sensors(scenario, source)
     _check_route(scenario.route, source)
     if scenario.terrain.kind != "dem":
         _check_on_map(scenario, source)

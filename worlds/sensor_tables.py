@@ -6,9 +6,13 @@ is ours, and marked so.
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
+from worlds.errors import ScenarioError
 from worlds.strict_toml import Table
+
+if TYPE_CHECKING:
+    from worlds.scenario import Scenario
 
 Window = tuple[float, float]  # seconds: from, to
 Matrix = tuple[float, float, float, float, float, float, float, float, float]
@@ -134,3 +138,18 @@ LIMITS: dict[str, tuple[float, float]] = {
     "actuator.left_gain": (0.1, 2.0),
     "actuator.right_gain": (0.1, 2.0),
 }
+
+
+def check_sensors(scenario: Scenario, source: str) -> None:
+    """Raise a `ScenarioError` for keys of the tables that are at odds."""
+    gnss, actuator = scenario.gnss, scenario.actuator
+    if gnss is not None and not scenario.sensors.gnss:
+        raise ScenarioError(f"{source}: gnss: sensors.gnss is false, so there is no receiver; leave the table out")
+    for number, (begin_s, end_s) in enumerate(() if gnss is None else gnss.outages_s):
+        if begin_s >= end_s:
+            raise ScenarioError(f"{source}: gnss.outages_s[{number}] = [{begin_s:g}, {end_s:g}]: must be [from, to]")
+    if actuator is not None and actuator.dead_band >= actuator.limit:
+        raise ScenarioError(
+            f"{source}: actuator.dead_band = {actuator.dead_band:g}: must be less than actuator.limit = "
+            f"{actuator.limit:g}"
+        )
