@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from rover_sim.hil.session import Watchers
 from rover_sim.mavlink.foreign_pursuit import Patience
 from tests.ardupilot_checks import check_rest, check_stream
 from tests.ardupilot_mission import mission
@@ -21,8 +22,11 @@ SHORT = Scenario(
 
 def test_a_short_mission_reaches_its_goal() -> None:
     """From a cold start: no wheel turns before the autopilot is ready, 42.6 s after its start."""
-    summary, vehicle = mission(SHORT, 3)
+    shown: list[str] = []
+    summary, vehicle = mission(SHORT, 3, Watchers(show=lambda status: shown.append(status.doing)))
     assert summary["reason"] == "goal", summary
+    assert shown[20] == "waits for a position (estimator flags 167)"
+    assert shown[-1] == "arrived"
     assert vehicle.rover.driven  # waypoints that came over MAVLink
     assert not vehicle.rover.started_torn
     states = vehicle.json.states

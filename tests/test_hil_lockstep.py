@@ -62,7 +62,15 @@ def test_what_came_during_the_step_is_answered_by_its_reply() -> None:
     assert lockstep.answer(request, [packet(7), packet(7), packet(3, OTHER)]) == [packet(3, OTHER)]
 
 
-def test_a_count_that_falls_is_a_restart() -> None:
+def test_a_packet_that_was_overtaken_is_dropped_and_no_restart() -> None:
+    lockstep = Lockstep(loopback_only=True)
+    answered(lockstep, 0, 1, 2, 3)
+    assert lockstep.hear([packet(2)], 0.0) is None
+    assert lockstep.dropped == {"late packet": 1}
+    assert not heard(lockstep, packet(4)).restarted
+
+
+def test_a_count_that_falls_to_nothing_is_a_restart() -> None:
     lockstep = Lockstep(loopback_only=True)
     answered(lockstep, 0, 1, 2)
     request = heard(lockstep, packet(0))

@@ -50,7 +50,7 @@ class Lockstep:
                 continue
             count = packet.frame_count
             if self._answered is not None:
-                restarted |= peer != self.peer or count < self._answered
+                restarted |= peer != self.peer or (count == 0 and self._answered > 0)
             self.peer, self._heard_s = peer, now_s
             request = Request(packet, peer, count == self._answered and not restarted, restarted)
         return request
@@ -78,6 +78,9 @@ class Lockstep:
             self._drop("no servo packet", peer, f"{len(data)} bytes; allowed: {LENGTHS}")
         elif peer != self.peer and self.peer is not None and now_s - self._heard_s <= GIVEN_UP_S:
             self._drop("second autopilot", peer, "one autopilot is served at a time")
+        elif peer == self.peer and self._answered is not None and 0 < packet.frame_count < self._answered:
+            # One that begins anew begins at 0: this one has been overtaken on a network.
+            self._drop("late packet", peer, f"frame {packet.frame_count}, answered before frame {self._answered}")
         else:
             return packet
         return None
