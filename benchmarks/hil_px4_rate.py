@@ -27,7 +27,7 @@ from rover_sim.hil.px4_link import open_port
 from rover_sim.hil.px4_peer import BOARD, PROGRAM, Profile, Px4Peer
 from rover_sim.hil.px4_session import STEPS_PER_S, Clockwork, Px4Session
 from rover_sim.hil.serial_board import open_board
-from rover_sim.hil.session import Driven, Watchers
+from rover_sim.hil.session import Driven
 from rover_sim.mavlink.geodesy import LocalFrame
 from rover_sim.mavlink.memory import memory_link
 from rover_sim.mavlink.transport import Transport
@@ -96,17 +96,18 @@ def bare(transport: Transport, profile: Profile, seconds: float, *, paced: bool)
 def camera(transport: Transport, profile: Profile, seconds: float, *, paced: bool) -> Px4Session:
     """A traverse that sees and plans, without anybody at the planner's link."""
     world, rover = build_world(load_scenario("rock-field"), 0), load_rover("husky")
-    link, outputs = (
-        AutopilotLink(LocalFrame(world.origin), home(world), memory_link()[0]),
-        OutputDriver(rover.footprint()),
-    )
-    Ending.seconds = seconds
-    traverse = Ending(world, rover, outputs, link, RunOptions(link_grace_s=1e6), STEPS_PER_S)
-    x, y, z = traverse.simulation.chassis_motion[:3].tolist()
+    frame, Ending.seconds = LocalFrame(world.origin), seconds
     left_s = Pace(profile.forgiven_s).left_s if paced else lambda _: 0.0
-    clockwork = Clockwork(wait_for_news, left_s, 60.0)
-    peer = Px4Peer(transport, LocalFrame(world.origin), (x, y, z), "the link", profile)
-    return Px4Session(peer, Driven(traverse, outputs), clockwork, Watchers(say=lambda _: None))
+
+    def begin() -> Driven:
+        link, outputs = AutopilotLink(frame, home(world), memory_link()[0]), OutputDriver(rover.footprint())
+        return Driven(Ending(world, rover, outputs, link, RunOptions(link_grace_s=1e6), STEPS_PER_S), outputs)
+
+    def meet(driven: Driven) -> Px4Peer:
+        x, y, z = driven.traverse.simulation.chassis_motion[:3].tolist()
+        return Px4Peer(transport, frame, (x, y, z), "the link", profile)
+
+    return Px4Session(begin, meet, Clockwork(wait_for_news, left_s, 60.0))
 
 
 def measure(name: str, make: Callable[..., Px4Session], seconds: float, *, board: bool, paced: bool) -> None:
@@ -115,10 +116,10 @@ def measure(name: str, make: Callable[..., Px4Session], seconds: float, *, board
     words = ("--board",) if port is None else ("--px4", str(port.port))
     with child(*words) as said:
         transport: Transport = open_board(said) if port is None else port
-        served = make(transport, BOARD if board else PROGRAM, seconds, paced=paced)
-        begin_s = time.perf_counter()
-        hil = served.run()["hil"]
-        factor = seconds / (time.perf_counter() - begin_s)
+        with make(transport, BOARD if board else PROGRAM, seconds, paced=paced) as served:
+            begin_s = time.perf_counter()
+            hil = served.run()["hil"]
+            factor = seconds / (time.perf_counter() - begin_s)
         transport.close()
     beat, slip = hil["beat"], hil["lockstep"]
     text = f"{name:28} {beat['rate_hz']:7.1f} Hz, median {beat['median_ms']:.2f} ms, p99 {beat['p99_ms']:.2f}, "

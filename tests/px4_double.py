@@ -160,9 +160,8 @@ class MemoryPx4:
 
     def send(self, frame: bytes, peer: str, time_s: float) -> None:
         del time_s
-        if self._px4 is None:
-            return
-        require(peer == f"px4-{self._count}", f"sent to {peer}, which is gone")
+        if self._px4 is None or peer != f"px4-{self._count}":
+            return  # lost, as on a connection whose other end has gone
         pending = sum(ready_s > self.now_s for ready_s, _ in self._answers)
         self.most_pending = max(self.most_pending, pending)
         latency_s = self._latency_s if isinstance(self._latency_s, float) else self._latency_s(self._px4.answers)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any, cast
 
 import numpy as np
@@ -43,6 +43,9 @@ class Drive:
         self.steps += 1
         return Stepped(self.steps % self._looks_every == 0, (Reason.GOAL, "") if self.steps >= self._last else None)
 
+    def close(self) -> None:
+        self.simulation.close()
+
     def status(self) -> None:
         """Nobody reads it."""
 
@@ -52,7 +55,7 @@ class Drive:
 
 
 def session(
-    drive: Drive,
+    drives: Drive | Iterable[Drive],
     transport: Transport,
     wait: Wait,
     *,
@@ -61,9 +64,15 @@ def session(
     profile: Profile = PROGRAM,
     watchers: Watchers = NOBODY,
 ) -> Px4Session:
-    """A session over that link; without ``left_s`` as fast as the lockstep lets it."""
-    frame = LocalFrame(drive.world.origin)
-    x, y, z = drive.simulation.chassis_motion[:3].tolist()
-    peer = Px4Peer(transport, frame, (x, y, z), "the link", profile)
-    driven = Driven(cast(Traverse, drive), drive.outputs)
-    return Px4Session(peer, driven, Clockwork(wait, left_s, patience_s), watchers)
+    """A session over that link; a drive for each start of PX4. Without ``left_s`` as fast as the lockstep lets it."""
+    order = iter([drives] if isinstance(drives, Drive) else drives)
+
+    def begin() -> Driven:
+        drive = next(order)
+        return Driven(cast(Traverse, drive), drive.outputs)
+
+    def meet(driven: Driven) -> Px4Peer:
+        x, y, z = driven.traverse.simulation.chassis_motion[:3].tolist()
+        return Px4Peer(transport, LocalFrame(driven.traverse.world.origin), (x, y, z), "the link", profile)
+
+    return Px4Session(begin, meet, Clockwork(wait, left_s, patience_s), watchers)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from rover_sim.hil.session import Watchers
 from tests.px4_mavlink_double import READY_S
 from tests.px4_mission import mission
 from worlds.scenario import Camera, Goal, Rocks, Scenario, SoilChoice, Terrain, load_scenario
@@ -29,6 +30,16 @@ def test_a_short_mission_reaches_its_goal() -> None:
     assert summary["hil"]["lockstep"]["most_steps"] <= 1
     assert summary["hil"]["lockstep"]["given_up"] == 0
     assert np.percentile(vehicle.errors_m, 95) < 0.25
+
+
+def test_px4_restarts_on_its_way_and_the_goal_is_reached_all_the_same() -> None:
+    """The new one knows of no mission and is not ready: it is waited for again."""
+    said: list[str] = []
+    summary, vehicle = mission(SHORT, 3, Watchers(say=said.append), restart_s=READY_S + 5.0)
+    assert said == ["PX4 began anew, and the traverse with it"]
+    assert summary["reason"] == "goal", summary
+    assert summary["hil"]["restarts"] == 1
+    assert vehicle.px4.checks.believed.sensors == summary["hil"]["steps"]
 
 
 @pytest.mark.slow

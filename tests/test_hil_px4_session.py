@@ -57,27 +57,27 @@ def test_a_minute_of_physics_in_lockstep() -> None:
     assert summary["hil"]["lockstep"]["given_up"] == 0
 
 
-def test_px4_may_restart_and_the_world_waits_for_it() -> None:
+def test_px4_restarts_and_the_traverse_with_it() -> None:
+    """The world stands still without a PX4, and begins anew for the next one: time, place and sensors."""
     link = MemoryPx4(Px4Double(armed_from(0.0, 0.5, 0.5)))
-    said: list[str] = []
-    anew = Px4Double(armed_from(1.0, 0.2, 0.2), at_rest=False)
-
-    def kill(step: int) -> None:
-        if step == 500:
-            link.disconnect()
+    anew, said = Px4Double(armed_from(1.0, 0.2, 0.2)), list[str]()
+    world = make_world(slope(0.0, 16.0))
+    first = Drive(world, 4.0, lambda step: link.disconnect() if step == 500 else None)
+    second = Drive(world, 2.0)
 
     def wait(handles: tuple[int, ...], seconds: float) -> float:
         if not link.peers(0.0):
-            assert drive.outputs.wheel_speed_rad_s == (0.0,) * 4
+            assert first.outputs.wheel_speed_rad_s == (0.0,) * 4
             link.connect(anew)
         return link.wait(handles, seconds)
 
-    drive = Drive(make_world(slope(0.0, 16.0)), 4.0, kill)
-    summary = session(drive, link, wait, left_s=lambda _: paced(link), watchers=Watchers(say=said.append)).run()
-    assert summary["hil"]["restarts"] == 1
-    assert said == ["waiting for PX4 at the link"]
-    assert anew.checks.believed.sensors == 500 - 1  # the step at which the old one ended was nobody's
-    assert anew.checks.believed.clock_usec == 4_000_000
+    served = session([first, second], link, wait, left_s=lambda _: paced(link), watchers=Watchers(say=said.append))
+    summary = served.run()
+    assert said == ["waiting for PX4 at the link", "PX4 began anew, and the traverse with it"]
+    assert (first.steps, second.steps) == (501, 500)
+    assert (summary["hil"]["restarts"], summary["hil"]["steps"]) == (1, 500)
+    assert anew.checks.believed.sensors == 500
+    assert anew.checks.believed.clock_usec == 500 * 4000
 
 
 def test_without_px4_it_says_what_it_waits_for() -> None:

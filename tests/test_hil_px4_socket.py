@@ -31,9 +31,9 @@ def test_lockstep_on_a_real_port_as_fast_as_px4_answers() -> None:
 
 
 def test_px4_killed_and_started_again_on_a_real_port() -> None:
-    """A second PX4 that comes too early waits until the first is gone."""
-    port = open_port(ANY_PORT)
-    second = Px4Process(port.port, Px4Double(armed_from(0.2, 0.3, 0.3), at_rest=False))
+    """A second PX4 that comes too early waits until the first is gone; then the traverse begins anew for it."""
+    port, world = open_port(ANY_PORT), make_world(slope(0.0))
+    second = Px4Process(port.port, Px4Double(armed_from(0.2, 0.3, 0.3)))
 
     def kill(step: int) -> None:
         if step == 100:
@@ -42,14 +42,13 @@ def test_px4_killed_and_started_again_on_a_real_port() -> None:
         if step == 250:
             first.end()
 
-    drive = Drive(make_world(slope(0.0)), 3.0, kill)
     try:
         with Px4Process(port.port, Px4Double(armed_from(0.0, 0.3, 0.3))) as first:
-            summary = session(drive, port, wait_for_news).run()
+            summary = session([Drive(world, 3.0, kill), Drive(world, 2.0)], port, wait_for_news).run()
     finally:
         port.close()
         second.end()
-    assert summary["hil"]["restarts"] == 1
+    assert (summary["hil"]["restarts"], summary["hil"]["steps"]) == (1, 500)
     assert second.px4.checks.believed.sensors >= 490
 
 

@@ -12,9 +12,10 @@ from rover_sim.arguments import factor, seconds, seed
 
 if TYPE_CHECKING:
     from rover_sim.commands.hil_stage import Stage
-    from rover_sim.hil.px4_peer import Profile
+    from rover_sim.hil.px4_peer import Profile, Px4Peer
     from rover_sim.hil.px4_session import Px4Session
     from rover_sim.hil.session import Driven
+    from rover_sim.mavlink.tcp import TcpServer
     from rover_sim.mavlink.transport import Transport
 
 DEFAULT_BIND = "127.0.0.1:4560"
@@ -75,44 +76,50 @@ def _check(args: argparse.Namespace, *, board: bool) -> None:
 @contextmanager
 def _session(args: argparse.Namespace, stage: Stage, *, board: bool) -> Iterator[Px4Session]:
     from rover_sim.commands.hil_stage import say
-    from rover_sim.hil.px4_link import open_port
     from rover_sim.hil.px4_peer import BOARD, PROGRAM
-    from rover_sim.hil.px4_session import STEPS_PER_S, figures_text
+    from rover_sim.hil.px4_session import STEPS_PER_S, Clockwork, Px4Session, figures_text
     from rover_sim.hil.serial_board import SharedLine, open_board
+    from rover_sim.pacing import Pace, wait_for_news
 
     if args.write_params is not None:
         _write_parameters(args.write_params, stage, board=board)
+    profile = BOARD if board else PROGRAM
+    clockwork = Clockwork(wait_for_news, Pace(profile.forgiven_s).left_s, args.wait, args.speed)
     with ExitStack() as opened:
-        transport: Transport
+        line = None
         if board:
             line = SharedLine(open_board(args.bind), args.connect)
-            transport, planner = line.simulator, line.planner if args.autopilot == args.bind else None
             opened.callback(line.close)
-            driven = stage.begin(STEPS_PER_S, planner)
-            opened.callback(driven.traverse.close)
-        else:
-            driven = stage.begin(STEPS_PER_S)
-            opened.callback(driven.traverse.close)
-            transport = port = open_port(args.bind)  # not before: a PX4 that has connected wants to be served
-            opened.callback(port.close)
-            say(f"PX4 is expected at {args.bind}; start it with its simulator_mavlink at port {port.port}")
-        session = _serve(args, stage, driven, transport, BOARD if board else PROGRAM)
-        yield session
-        say(figures_text(session.figures))
+
+        def begin() -> Driven:
+            shared = line is not None and args.autopilot == args.bind
+            return stage.begin(STEPS_PER_S, line.planner if line is not None and shared else None)
+
+        def meet(driven: Driven) -> Px4Peer:
+            transport: Transport = _opened_port(args.bind) if line is None else line.simulator
+            opened.callback(transport.close)
+            return _peer(args.bind, stage, driven, transport, profile)
+
+        with Px4Session(begin, meet, clockwork, stage.watchers) as session:
+            yield session
+            say(figures_text(session.figures))
 
 
-def _serve(
-    args: argparse.Namespace, stage: Stage, driven: Driven, transport: Transport, profile: Profile
-) -> Px4Session:
+def _opened_port(bind: str) -> TcpServer:
+    from rover_sim.commands.hil_stage import say
+    from rover_sim.hil.px4_link import open_port
+
+    port = open_port(bind)
+    say(f"PX4 is expected at {bind}; start it with its simulator_mavlink at port {port.port}")
+    return port
+
+
+def _peer(bind: str, stage: Stage, driven: Driven, transport: Transport, profile: Profile) -> Px4Peer:
     from rover_sim.hil.px4_peer import Px4Peer
-    from rover_sim.hil.px4_session import Clockwork, Px4Session
     from rover_sim.mavlink.geodesy import LocalFrame
-    from rover_sim.pacing import Pace, wait_for_news
 
-    clockwork = Clockwork(wait_for_news, Pace(profile.forgiven_s).left_s, args.wait, args.speed)
     x, y, z = driven.traverse.simulation.chassis_motion[:3].tolist()
-    peer = Px4Peer(transport, LocalFrame(stage.world.origin), (x, y, z), args.bind, profile)
-    return Px4Session(peer, driven, clockwork, stage.watchers)
+    return Px4Peer(transport, LocalFrame(stage.world.origin), (x, y, z), bind, profile)
 
 
 def _write_parameters(path: Path, stage: Stage, *, board: bool) -> None:

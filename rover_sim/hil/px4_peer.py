@@ -47,6 +47,7 @@ class Px4Peer:
         self.lockstep, self.profile, self._where = Lockstep(), profile, where
         self._transport, self._frame, self._start_w = transport, frame, start_w
         self._time_usec = 0
+        self.number = 0  # of the PX4 on the link: it rises with every connection
         self._begin(None)
 
     @property
@@ -113,6 +114,7 @@ class Px4Peer:
         self._transport.close()
 
     def _begin(self, peer: str | None) -> None:
+        self.number += peer is not None
         self._peer, self._heard, self._in_hil, self._truth_usec = peer, False, False, 0
         self._parser, self._packer = Parser(), Packer(px4_messages.SYSTEM, px4_messages.COMPONENT)
         self.lockstep.restart()

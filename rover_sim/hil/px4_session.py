@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from math import isfinite
-from typing import Any
+from typing import Any, Self
 
 from rover_sim.errors import LinkError
 from rover_sim.hil.px4_messages import STEP_USEC
@@ -35,18 +35,34 @@ class Clockwork:
 
 
 class Px4Session:
-    """One traverse under a PX4; one that begins anew is served on from where the rover is."""
+    """One traverse under a PX4; it begins anew whenever PX4 does. A context manager, which closes the traverse."""
 
-    def __init__(self, peer: Px4Peer, driven: Driven, clockwork: Clockwork, watchers: Watchers = NOBODY) -> None:
-        self._peer, self._driven, self._clockwork, self._watchers = peer, driven, clockwork, watchers
-        self._sensors = SensorSuite(driven.traverse.world)
-        self._sampler = NedSampler(driven.traverse.simulation)
-        self._beat, self._steps, self._connections = Beat(), 0, 0
-        self._told_s = 0.0  # simulated time of what PX4 was told last
+    def __init__(
+        self,
+        begin: Callable[[], Driven],
+        meet: Callable[[Driven], Px4Peer],
+        clockwork: Clockwork,
+        watchers: Watchers = NOBODY,
+    ) -> None:
+        """``meet``: opens the link, once the world is ready: a PX4 that has connected wants to be served."""
+        self._begin, self._clockwork, self._watchers = begin, clockwork, watchers
+        self._beat, self._met, self._served = Beat(), 0, 0
+        self._start()
+        try:
+            self._peer = meet(self._driven)
+        except BaseException:
+            self.traverse.close()
+            raise
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.traverse.close()
 
     @property
     def traverse(self) -> Traverse:
-        """The traverse."""
+        """The traverse, which is another one after a restart of PX4."""
         return self._driven.traverse
 
     def run(self) -> dict[str, Any]:
@@ -54,12 +70,31 @@ class Px4Session:
 
         Raises LinkError if no PX4 comes, KeyboardInterrupt if it is no longer waited for.
         """
-        ended = self._await_px4()
-        clock = WallClock()
+        ended: End | None = None
         while ended is None:
-            ended = self._step() if self._peer.connected else self._await_px4()
-        summary = self.traverse.summary(*ended, wall_time_s=clock.elapsed_s())
+            ended = self._step() if self._serves else self._await_px4()
+        summary = self.traverse.summary(*ended, wall_time_s=self._clock.elapsed_s())
         return {**summary, "hil": self.figures}
+
+    @property
+    def _serves(self) -> bool:
+        """Whether the PX4 that was met is still there; another may have come at once."""
+        return self._peer.connected and self._peer.number == self._served
+
+    def _start(self) -> None:
+        self._driven = self._begin()
+        self._sensors = SensorSuite(self.traverse.world)
+        self._sampler = NedSampler(self.traverse.simulation)
+        self._steps, self._told_s = 0, 0.0  # told last: simulated time
+
+    def _meet_px4(self) -> None:
+        """A PX4 has shown itself; where another has driven before, the traverse begins anew."""
+        self._met, self._served = self._met + 1, self._peer.number
+        if self._steps > 0:
+            self._watchers.say("PX4 began anew, and the traverse with it")
+            self.traverse.close()
+            self._start()
+        self._clock = WallClock()
 
     def _await_px4(self) -> End | None:
         """Wait until a PX4 has shown itself; the end that its absence or a wish to stop makes."""
@@ -69,7 +104,7 @@ class Px4Session:
         while True:
             self._peer.listen()
             if not (lacks := self._peer.lacks):
-                self._connections += 1
+                self._meet_px4()
                 return None
             if lacks != said:
                 said = lacks
@@ -105,7 +140,7 @@ class Px4Session:
         self._told_s = truth.time_s
         self._beat.tick()
         self._peer.step(truth, self._sensors.read(truth), self._clockwork.wait)
-        if not self._peer.connected:
+        if not self._serves:
             return None  # the world stands still until there is a PX4 again
         self._driven.outputs.set(*self._peer.side_shares)
         looked, ended = traverse.step(watchers.on_sight)
@@ -126,7 +161,7 @@ class Px4Session:
         return {
             "autopilot": "px4",
             "steps": self._steps,
-            "restarts": max(0, self._connections - 1),
+            "restarts": max(0, self._met - 1),
             "lockstep": asdict(slip) if self._peer.profile.lockstep else None,
             "beat": self._beat.figures(),
         }
