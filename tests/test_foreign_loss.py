@@ -52,6 +52,10 @@ def test_200_pairs_of_missions_to_an_ardupilot(block: int) -> None:
     assert sum(begun for begun, _ in counts) >= 95  # what is given up is given up in words
 
 
+def test_a_start_that_was_never_answered_counts_as_a_start() -> None:
+    driven(2227, LOSS)  # five acknowledgements lost, and the heartbeats that would have told of Auto
+
+
 @pytest.mark.parametrize("seed", range(500, 530))
 def test_with_delay_and_duplicates_too(seed: int) -> None:
     driven(seed, BAD)

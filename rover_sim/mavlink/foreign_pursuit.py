@@ -14,6 +14,7 @@ from rover_sim.mavlink.vehicle_control import Trouble, TroubleKind
 from rover_sim.mavlink.vehicle_watch import VehicleStatus
 
 AGAIN_S = 2.0  # after a refusal
+CERTAIN_S = 1.0  # after an unanswered command a heartbeat tells what became of it
 FIRST_ITEM = 1  # home is 0
 
 
@@ -56,6 +57,7 @@ class Pursuit:
         self._rewound: Upload | None = None  # the mission whose first item is the current one
         self._accepted: tuple[Mode, float] | None = None  # the mode that it took last
         self._armed_s: float | None = None
+        self._doubt_s: float | None = None  # when a start was left unanswered: it may be in Auto, or not
         self._paused = False
 
     def meet(self, rules: AutopilotRules) -> None:
@@ -84,7 +86,9 @@ class Pursuit:
         """A mission that is being driven, or about to be, must not be torn."""
         mode, armed = self._told(status)
         starting = self._pending is not None and self._step == "mode" and self._sent_mode is Mode.AUTO
-        return self._rules.atomic or not (starting or (armed and mode == Mode.AUTO))
+        heard_s = -1.0 if status.heard_s is None else status.heard_s
+        doubtful = self._doubt_s is not None and heard_s < self._doubt_s + CERTAIN_S
+        return self._rules.atomic or not (starting or doubtful or (armed and mode == Mode.AUTO))
 
     def tick(self, status: VehicleStatus, waits_for: str, time_s: float) -> None:
         """The next step towards the wish, if the last one is answered."""
@@ -153,6 +157,8 @@ class Pursuit:
         if pending.state is CommandState.DONE:
             self._achieved(step, time_s)
             return
+        if pending.result is None and step == "mode" and self._sent_mode is Mode.AUTO:
+            self._doubt_s = time_s
         self._again_s = time_s + AGAIN_S
         limit_s = self._patience.armed_s if step == "arm" else self._patience.started_s
         if step not in self._since_s or time_s - self._since_s[step] < limit_s:
@@ -163,7 +169,7 @@ class Pursuit:
     def _achieved(self, step: str, time_s: float) -> None:
         self._since_s.pop(step, None)
         if step in ("hold", "mode"):
-            self._accepted = self._sent_mode, time_s
+            self._accepted, self._doubt_s = (self._sent_mode, time_s), None
             self._paused = step == "hold"
         elif step == "arm":
             self._armed_s = time_s
