@@ -48,8 +48,8 @@ def message_of(folder: Path, text: str) -> str:
     return message
 
 
-def test_the_three_shipped_scenarios_load_and_have_their_own_name() -> None:
-    assert shipped_scenarios() == ("demo", "rock-field", "slope")
+def test_the_shipped_scenarios_load_and_have_their_own_name() -> None:
+    assert shipped_scenarios() == ("demo", "rock-field", "slope", "tsu-mockup")
     for name in shipped_scenarios():
         assert load_scenario(name).name == name
 

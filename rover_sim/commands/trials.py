@@ -18,14 +18,18 @@ if TYPE_CHECKING:
     from rover_sim.trials.trial import Row, Trial, Value
 
 MOST_SEEDS = 100_000
-WALL_LIMIT_S = 900.0  # of one trial; a traverse takes seconds, on a loaded machine a minute or two
+WALL_LIMIT_S = 900.0  # of one trial; a traverse takes seconds, on a loaded machine a minute or two ...
+SLOWEST_FACTOR = 0.5  # ... and a long one is given up when it takes twice its simulated time
 REPORT_EVERY_S = 30.0
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Add the arguments."""
     parser.add_argument(
-        "suite", nargs="?", default="nav", help="nav, obstacle-course, or a scenario's name or path (default: nav)"
+        "suite",
+        nargs="?",
+        default="nav",
+        help="nav, obstacle-course, route, or a scenario's name or path (default: nav)",
     )
     parser.add_argument(
         "--seeds", type=_seeds, default=range(10), metavar="N", help="seeds 0 to N - 1, or FIRST:END (default: 10)"
@@ -38,7 +42,12 @@ def configure(parser: argparse.ArgumentParser) -> None:
         metavar="NAME=VALUES",
         help="only these, e.g. cfa=0.05,0.1 or world=0:200:6; repeatable, one dimension each",
     )
-    parser.add_argument("--worlds", type=Path, metavar="DIR", help="folder of barn_*.npz, for obstacle-course")
+    parser.add_argument(
+        "--worlds",
+        type=Path,
+        metavar="DIR",
+        help="folder of barn_*.npz, for obstacle-course, or of a real map, for route",
+    )
     parser.add_argument("--workers", type=worker_count, default=0, metavar="N", help="processes (default: one a core)")
     parser.add_argument("--out", type=Path, metavar="DIR", help="default: trials/SUITE")
     parser.add_argument(
@@ -123,7 +132,8 @@ def _driven(trials: Sequence[Trial], folder: Path, keep: Keep, workers: int) -> 
     from rover_sim.trials.drive import drive, lost
 
     tasks = [partial(drive, trial, folder, keep) for trial in trials]
-    for place, result in in_processes(tasks, workers, WALL_LIMIT_S):
+    longest_s = max((trial.scenario.goal.time_limit_s for trial in trials), default=0.0)
+    for place, result in in_processes(tasks, workers, max(WALL_LIMIT_S, longest_s / SLOWEST_FACTOR)):
         yield lost(trials[place], result.text) if isinstance(result, Lost) else result
 
 

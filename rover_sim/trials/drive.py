@@ -11,6 +11,8 @@ from typing import Any, Literal
 
 import numpy as np
 
+from planner.route import CostMap, Route, way_cost
+from planner.route_following import Following
 from rover_sim import __version__
 from rover_sim.trials.course import score
 from rover_sim.trials.trial import Row, Trial
@@ -20,6 +22,7 @@ Keep = Literal["failures", "all", "none"]
 RUNS = "runs"  # sub-folder of the kept run folders
 SCRATCH = ".trial-"
 DROP_M = 0.1
+DRIVEN_POINTS = 500  # of the way driven, for its cost
 UNTOLD = ("events", "scenario", "seed")  # of the summary: long, or said elsewhere in the row
 
 
@@ -29,14 +32,18 @@ def drive(trial: Trial, folder: Path, keep: Keep) -> Row:
     from rover_sim.sights import Sights
     from rover_sim.sim.rover import load_rover
     from rover_sim.traverse import RunOptions, open_traverse
-    from rover_sim.trials.oracle import oracle_length_m
+    from rover_sim.trials.oracle import best_route, oracle_length_m
     from worlds.build import build_world
 
     begun = time.perf_counter()
     scenario = trial.scenario
     rover = load_rover(scenario.rover.model)
     world = build_world(scenario, trial.seed, source=trial.key)
-    oracle_m = oracle_length_m(world, rover.footprint())
+    judge = None if scenario.route is None else best_route(world, rover.footprint())
+    if judge is None:
+        oracle_m = oracle_length_m(world, rover.footprint())
+    else:
+        oracle_m = judge[1].length_m if judge[1].refusal is None else None
     with TemporaryDirectory(dir=folder, prefix=SCRATCH) as scratch:
         tlog = None if keep == "none" else Path(scratch) / run_folder.TLOG
         options = RunOptions(any_touch_ends=trial.touch_ends)
@@ -46,6 +53,8 @@ def drive(trial: Trial, folder: Path, keep: Keep) -> Row:
         ):
             summary = traverse.run(on_sight=sights.take)
             figures = trial_figures(trial, summary, traverse.recorder.arrays(), oracle_m)
+            if judge is not None and traverse.route is not None:
+                figures |= route_figures(traverse.route, *judge, traverse.recorder.arrays())
             kept = keep == "all" or (keep == "failures" and not (summary["success"] and not figures["violations"]))
             if kept:
                 run_folder.write(Path(scratch), traverse, sights, summary)
@@ -90,6 +99,30 @@ def trial_figures(
         "violations": violations(summary, trace, trial.scenario.gravity_m_s2),
         "refused": summary["reason"] == "no_path" and oracle_m is None,
         **optional,
+    }
+
+
+def route_figures(
+    following: Following, true_map: CostMap, best: Route, trace: Mapping[str, FloatArray]
+) -> dict[str, Any]:
+    """Over the true map: cost of the best route, of the first one planned and of the way driven, and their ratios.
+
+    A cost is None where there is no such way, or where it is steeper somewhere than a route may be.
+    """
+    first = following.routes[0] if following.routes else following.route
+    driven = trace["position_w"][:: max(1, len(trace["position_w"]) // DRIVEN_POINTS), :2]
+    costs = {
+        "oracle_cost": best.cost,
+        "planned_cost": way_cost(true_map, first.way_w) if len(first.way_w) else np.inf,
+        "driven_cost": way_cost(true_map, driven) if len(driven) > 1 else np.inf,
+    }
+    told = {name: round(cost, 2) if np.isfinite(cost) else None for name, cost in costs.items()}
+    ratio = costs["planned_cost"] / best.cost if np.isfinite(costs["planned_cost"]) and best.refusal is None else None
+    return {
+        **told,
+        "cost_ratio": None if ratio is None else round(ratio, 4),
+        "refused_at_once": first.refusal is not None,
+        "replans": len(following.routes),
     }
 
 

@@ -6,6 +6,10 @@ import numpy as np
 
 from planner.map_kernels import cost_to_go
 from planner.obstacle_map import obstacle_grid, segment_clearance
+from planner.route import CostMap, Route, cost_map, plan_route
+from planner.route_cost import slope_costs
+from planner.route_ground import ElevationMap
+from rover_sim.route_map import averaged
 from rover_sim.true_obstacles import obstacle_table
 from worlds.types import FloatArray, Footprint, World
 
@@ -40,6 +44,15 @@ def oracle_length_m(world: World, footprint: Footprint) -> float | None:
         cells.append(int(onward.flat[cells[-1]]))
     way = places.reshape(-1, 2)[cells]
     return float(np.linalg.norm(np.diff(_pulled(way, table, need - STEP_M), axis=0), axis=1).sum())
+
+
+def best_route(world: World, footprint: Footprint) -> tuple[CostMap, Route]:
+    """The true map without its error, at the scale of the route's own, and the cheapest route over it."""
+    scenario = world.scenario
+    assert scenario.route is not None
+    ground = ElevationMap.of(averaged(world, scenario.route.resolution_m))
+    true_map = cost_map(ground, slope_costs(scenario.soil.preset, footprint))
+    return true_map, plan_route(true_map, scenario.rover.start_m, scenario.goal.position_m)
 
 
 def _limits(world: World, start: FloatArray, goal: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -12,6 +12,7 @@ import msgspec
 
 from rover_sim.errors import InputError
 from rover_sim.trials.course import CourseMaps, course_scenario
+from rover_sim.trials.routes import DISTANCES_M, GROUNDS, YARD, YARD_REACH_M, route_scenario
 from rover_sim.trials.trial import Trial, Value
 from worlds.scenario import Scenario, SoilChoice, check_scenario, load_scenario, shipped_scenarios
 
@@ -23,7 +24,7 @@ NAV: Choices = {
     "soil": ("firm", "mars_sand", "loose_sand"),
 }
 SENSORS = ("laser", "camera")
-SUITES = ("nav", "obstacle-course")
+SUITES = ("nav", "obstacle-course", "route")
 _GOLDEN_DEG = 180.0 * (3.0 - math.sqrt(5.0))  # successive seeds climb in directions spread evenly
 
 
@@ -32,10 +33,12 @@ def trials_of(suite: str, chosen: Choices, seeds: Sequence[int], worlds: Path | 
 
     Raises InputError for an unknown suite, dimension or value, and for a folder without worlds.
     """
-    if suite != "obstacle-course" and worlds is not None:
-        raise InputError(f"--worlds {worlds}: only the suite obstacle-course takes a folder of worlds")
+    if suite not in {"obstacle-course", "route"} and worlds is not None:
+        raise InputError(f"--worlds {worlds}: only the suites obstacle-course and route take a folder of worlds")
     if suite == "nav":
         return _nav(_choices(suite, NAV, chosen), seeds)
+    if suite == "route":
+        return _route(chosen, seeds, worlds)
     if suite == "obstacle-course":
         if worlds is None:
             raise InputError("--worlds: the suite obstacle-course needs the folder that holds the files barn_*.npz")
@@ -77,6 +80,17 @@ def _nav_scenario(base: Scenario, cell: Mapping[str, Value], seed: int) -> Scena
     )
     check_scenario(scenario, "--cells")
     return scenario
+
+
+def _route(chosen: Choices, seeds: Sequence[int], worlds: Path | None) -> list[Trial]:
+    """Synthetic ground by default; with a folder of worlds the real map, unless ``ground`` is chosen."""
+    real: Choices = {"ground": (YARD,), "distance_m": (2.0 * YARD_REACH_M,)}
+    synthetic: Choices = {"ground": GROUNDS, "distance_m": DISTANCES_M}
+    choices = _choices("route", synthetic if worlds is None else real, chosen)
+    grid = [dict(zip(choices, values, strict=True)) for values in product(*choices.values())]
+    # Dunes run along y, so that what is there to cross is asked for in every direction.
+    turns = {seed: math.radians((seed * _GOLDEN_DEG) % 360.0) for seed in seeds}
+    return [Trial("route", cell, seed, route_scenario(cell, turns[seed], worlds)) for cell in grid for seed in seeds]
 
 
 def _course(choices: Choices, maps: CourseMaps, seeds: Sequence[int]) -> list[Trial]:
