@@ -28,7 +28,6 @@ from worlds.scenario import (
     Terrain,
     check_scenario,
     dump_scenario,
-    load_scenario,
 )
 
 ROVER = load_rover("husky")
@@ -168,11 +167,14 @@ def test_the_command_tells_faults_and_refuses_a_wheel_that_is_not_there(
     assert "plain: event[0].wheel = 7: husky has the wheels 0 to 3" in capsys.readouterr().err
 
 
-def test_the_example_loads_and_has_four_faults() -> None:
+def test_the_example_meets_four_faults_and_reaches_its_goal(tmp_path: Path) -> None:
     example = Path(__file__).parent.parent / "examples" / "faults.toml"
-    assert [event.kind for event in load_scenario(str(example)).event] == [
-        "stuck_wheel",
-        "gnss_jump",
-        "sensor_loss",
-        "power_loss",
+    assert main(["run", str(example), "--out", str(tmp_path / "out")]) == 0
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text(encoding="utf-8"))
+    assert [(event["kind"], event["happened"]) for event in summary["faults"]["events"]] == [
+        ("stuck_wheel", True),
+        ("gnss_jump", True),
+        ("sensor_loss", True),
+        ("power_loss", True),
     ]
+    assert "Stuck: no progress for 6 s, hold" in said(summary, "autopilot")
