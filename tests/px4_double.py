@@ -250,7 +250,7 @@ class Px4Process:
             try:
                 data = link.recv(2048)
             except TimeoutError:
-                if time.monotonic() - silent_since_s >= 1.0:
+                if self.px4.checks.believed.sensors and time.monotonic() - silent_since_s >= 1.0:
                     self.poll_timeouts, silent_since_s = self.poll_timeouts + 1, time.monotonic()
                 continue
             silent_since_s = time.monotonic()

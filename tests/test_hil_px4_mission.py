@@ -35,7 +35,7 @@ def test_a_short_mission_reaches_its_goal() -> None:
 def test_px4_restarts_on_its_way_and_the_goal_is_reached_all_the_same() -> None:
     """The new one knows of no mission and is not ready: it is waited for again."""
     said: list[str] = []
-    summary, vehicle = mission(SHORT, 3, Watchers(say=said.append), restart_s=READY_S + 5.0)
+    summary, vehicle = mission(SHORT, 3, Watchers(say=said.append), restart_s=READY_S + 1.0)
     assert said == ["PX4 began anew, and the traverse with it"]
     assert summary["reason"] == "goal", summary
     assert summary["hil"]["restarts"] == 1
