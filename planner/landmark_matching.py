@@ -3,8 +3,8 @@
 Each pair must lie inside its own gate, and inside the gate that is left once all pairs taken before are granted: the
 sum of these conditional distances is the joint Mahalanobis distance (joint compatibility: Neira and Tardos, IEEE Trans.
 Robotics and Automation 17(5), 2001). Pairs are taken greedily, the likeliest first, from several first pairs; the
-set with most pairs is taken (after Paz, Guivant, Tardos and Neira, RSS 2007). A rock that two landmarks could be, or the
-reverse, is left out.
+set with most pairs is taken (after Paz, Guivant, Tardos and Neira, RSS 2007). A rock that two landmarks could be is
+left out, as is the reverse.
 """
 
 from __future__ import annotations

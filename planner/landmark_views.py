@@ -1,9 +1,9 @@
 """What a picture says of a rock as a landmark, and what a landmark should look like: directions and distance.
 
 A rock is seen under an azimuth from the rover's heading and a depression under the level, as the believed roll and
-pitch put it; the believed place and heading do not matter. How far away it is one camera cannot tell: the ground plane
-gives a guess for the first view. Two cameras measure it. With w the landmark from the body's origin in level axes ahead
-and to the left, c the camera there and d the lean that the attitude misses, it is seen along v = w - d x w - c.
+pitch put it, at a distance that two cameras measure; the believed place and heading do not matter. With w the landmark
+from the body's origin in level axes ahead and to the left, c the camera there and d the lean that the attitude misses,
+it is seen along v = w - d x w - c.
 """
 
 from __future__ import annotations
@@ -14,11 +14,12 @@ from math import cos, sin
 import numpy as np
 
 from planner.localization import LocalizationState
-from planner.localization_kernels import LEAN_X, SCALE, STATES, YAW, Z
+from planner.localization_kernels import LEAN_X, STATES, YAW, Z
 from worlds.geometry import euler_from_quaternion, quaternion_from_euler, rotation_from_quaternion
 from worlds.types import FloatArray, Observation, PoseEstimate, Vector3
 
 AZIMUTH, DEPRESSION, DISTANCE = range(3)  # the last as a logarithm
+AXES = 3
 
 
 @dataclass(frozen=True)
@@ -28,13 +29,10 @@ class ViewModel:
     azimuth_sd_rad: float = 0.006
     depression_sd_rad: float = 0.008
     outline_sd: float = 0.10  # of the place, as a share of the diameter
-    ground_sd_m: float = 0.04  # of the ground near the rover against the believed plane
-    slope_sd: float = 0.03  # and per metre of range
-    sinkage_m: float = 0.0  # of the wheels into the ground
     size_sd: float = 0.20  # of the logarithm of a diameter
     reach_m: float = 5.0
-    distance_bias: tuple[float, float] = (0.0105, 0.0024)  # of the logarithm, and per metre, that two eyes see too near
-    two_eyes: bool = False  # distances are measured
+    distance_bias: tuple[float, float] = (-0.006, 0.0029)  # of the logarithm, and per metre, that two eyes see too near
+    depression_bias: tuple[float, float] = (0.0005, 0.012)  # rad, and over the squared distance, that is seen too low
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,20 +47,18 @@ class RockViews:
         return len(self.log_size)
 
 
-def rock_views(
-    observation: Observation, estimate: PoseEstimate, camera_b: Vector3, model: ViewModel
-) -> RockViews:
+def rock_views(observation: Observation, estimate: PoseEstimate, camera_b: Vector3, model: ViewModel) -> RockViews:
     """The whole rocks within reach, as seen from the pose ``estimate`` by which ``observation`` was placed."""
     rocks = [rock for rock in observation.rocks if not rock.cut and rock.range_m <= model.reach_m]
     rotation = rotation_from_quaternion(estimate.pose.quaternion_w)
     eye = estimate.pose.position_w + rotation @ np.asarray(camera_b)
     sight = np.array([rock.position_w for rock in rocks]).reshape(len(rocks), 3) - eye
-    sight[:, 2] += 0.0 if model.two_eyes else model.sinkage_m
     level = sight @ level_axes(euler_from_quaternion(estimate.pose.quaternion_w)[2]).T
     diameter = np.sqrt([rock.length_m * rock.width_m for rock in rocks])
     seen = directions(level)
     distance = np.exp(seen[:, DISTANCE])
     seen[:, DISTANCE] += model.distance_bias[0] + model.distance_bias[1] * distance
+    seen[:, DEPRESSION] -= model.depression_bias[0] + model.depression_bias[1] / np.maximum(distance, 1.0) ** 2
     outline = model.outline_sd * diameter / np.maximum(distance, 1e-6)
     sd = np.column_stack(
         [
@@ -103,9 +99,11 @@ def camera_offset(state: LocalizationState, camera_b: Vector3) -> FloatArray:
 
 def expected_views(
     state: LocalizationState, place_w: FloatArray, camera_b: Vector3
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """How landmarks at ``place_w`` (M, 3) should be seen (M, 3); derivatives by the state (M, 3, 12) and by the places
-    (M, 3, 3); and the landmarks from the body (M, 3) in level axes."""
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """How landmarks at ``place_w`` (M, 3) should be seen (M, 3), and its derivatives.
+
+    Those are by the state (M, 3, 11) and by the places (M, 3, 3).
+    """
     axes = level_axes(float(state.mean[YAW]))
     w = (place_w - state.mean[: Z + 1]) @ axes.T
     lean = np.array([state.mean[LEAN_X], state.mean[LEAN_X + 1], 0.0])
@@ -116,10 +114,7 @@ def expected_views(
     by_state[:, :, : Z + 1] = -by_place
     by_state[:, :, YAW] = np.einsum("nij,nj->ni", slopes, np.column_stack([w[:, 1], -w[:, 0], np.zeros(len(w))]))
     by_state[:, :, LEAN_X : LEAN_X + 2] = np.einsum("nij,njk->nik", slopes, crossing(w))[:, :, :2]
-    by_state[:, DISTANCE, SCALE] = 1.0
-    seen = directions(v)
-    seen[:, DISTANCE] += state.mean[SCALE]
-    return seen, by_state, by_place, w
+    return directions(v), by_state, by_place
 
 
 def crossing(w: FloatArray) -> FloatArray:
@@ -129,13 +124,13 @@ def crossing(w: FloatArray) -> FloatArray:
     return np.moveaxis(np.array([[none, -z, y], [z, none, -x], [-y, x, none]]), 2, 0)
 
 
-def placed(
-    state: LocalizationState, views: RockViews, camera_b: Vector3, model: ViewModel
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Where rocks seen for the first time are (K, 3), its derivative by the state (K, 3, 12), and the covariance
-    (K, 3, 3) that the view itself adds."""
+def placed(state: LocalizationState, views: RockViews, camera_b: Vector3) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Where rocks seen for the first time are (K, 3), with its derivative and error.
+
+    The derivative is by the state (K, 3, 11), the covariance (K, 3, 3) what the view itself adds.
+    """
     axes = level_axes(float(state.mean[YAW]))
-    distance, down = np.exp(views.seen[:, DISTANCE] - state.mean[SCALE]), views.seen[:, DEPRESSION]
+    distance, down = np.exp(views.seen[:, DISTANCE]), views.seen[:, DEPRESSION]
     azimuth = views.seen[:, AZIMUTH]
     toward = np.column_stack([np.cos(down) * np.cos(azimuth), np.cos(down) * np.sin(azimuth), -np.sin(down)])
     v = distance[:, None] * toward
@@ -143,19 +138,9 @@ def placed(
     w = v + camera_offset(state, camera_b)
     w = w + np.cross(lean, w)
     by_view = np.linalg.inv(direction_slopes(v))  # of w by azimuth, depression, logarithm of the distance
-    sd = views.sd.copy()
-    by_lean = -crossing(w)[:, :, :2]
-    if not model.two_eyes:
-        # The distance is that to the ground: it follows the depression, and errs with the ground's height.
-        by_view[:, :, DEPRESSION] -= by_view[:, :, DISTANCE] / np.tan(down)[:, None]
-        ground = np.hypot(model.ground_sd_m, model.slope_sd * distance)
-        sd[:, DISTANCE] = ground / (distance * np.sin(down))
-        # A lean d turns the ray, and the place stays on the ground.
-        by_lean = by_lean - by_lean[:, 2:] * v[:, :, None] / v[:, 2][:, None, None]
     by_state = np.zeros((len(w), 3, STATES))
     by_state[:, :, : Z + 1] = np.eye(3)
     by_state[:, :, YAW] = np.column_stack([-w[:, 1], w[:, 0], np.zeros(len(w))]) @ axes
-    by_state[:, :, LEAN_X : LEAN_X + 2] = np.einsum("ji,njk->nik", axes, by_lean)
-    by_state[:, :, SCALE] = -by_view[:, :, DISTANCE] @ axes
-    spread = np.einsum("ji,njk,nk->nik", axes, by_view, sd)
+    by_state[:, :, LEAN_X : LEAN_X + 2] = np.einsum("ji,njk->nik", axes, -crossing(w)[:, :, :2])
+    spread = np.einsum("ji,njk,nk->nik", axes, by_view, views.sd)
     return state.mean[: Z + 1] + w @ axes, by_state, spread @ np.swapaxes(spread, 1, 2)

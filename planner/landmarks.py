@@ -15,16 +15,19 @@ import numpy as np
 from planner.ground_cells import inside_polygon
 from planner.landmark_matching import Index, MatchModel, Pairs, compatible, gate, individually
 from planner.landmark_views import (
+    AXES,
     AZIMUTH,
     DISTANCE,
     RockViews,
     ViewModel,
+    camera_offset,
     expected_views,
+    level_axes,
     placed,
     rock_views,
 )
 from planner.localization import LocalizationState, nothing_carried
-from planner.localization_kernels import FACTOR, STATES, YAW
+from planner.localization_kernels import FACTOR, STATES, YAW, Z
 from worlds.geometry import wrap_angle
 from worlds.types import BoolArray, FloatArray, IntArray, Observation, PoseEstimate, Vector3
 
@@ -43,7 +46,8 @@ class LandmarkModel:
     lost_share: float = 0.25  # of the landmarks that should be seen; fewer are met: a bad look
     lost_least: int = 4  # of them at least, for a judgement
     lost_looks: int = 4  # bad looks in a row: lost
-    lost_sd_m: float = 2.5
+    lost_sd_m: float = 2.5  # as is one whose place is not known better than this ...
+    lost_travel_share: float = 0.02  # ... and this share of its wheels' travel
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,11 +55,12 @@ class LandmarkMap:
     """M landmarks, their errors' covariances with each other and with the rover's state, and what is known of each."""
 
     place_w: FloatArray = field(default_factory=lambda: np.zeros((0, 3)))  # (M, 3)
-    cross: FloatArray = field(default_factory=lambda: np.zeros((STATES, 0)))  # (12, 3 M)
+    cross: FloatArray = field(default_factory=lambda: np.zeros((STATES, 0)))  # (11, 3 M)
     covariance: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))  # (3 M, 3 M)
     log_size: FloatArray = field(default_factory=lambda: np.zeros(0))  # (M,) of the diameter
     views: FloatArray = field(default_factory=lambda: np.zeros(0))  # (M,) how often seen
     missed: FloatArray = field(default_factory=lambda: np.zeros(0))  # (M,) in a row, in view
+    by_scale: FloatArray = field(default_factory=lambda: np.zeros(0))  # (3 M,) as of the state
     bad_looks: int = 0
 
     def __len__(self) -> int:
@@ -71,6 +76,7 @@ class LandmarkMap:
             self.log_size[index],
             self.views[index],
             self.missed[index],
+            self.by_scale[rows],
             self.bad_looks,
         )
 
@@ -85,7 +91,6 @@ class Watched:
     matched: int = 0
     expected: int = 0
     lost: str = ""  # how it shows; empty if it does not
-    shift: float = 0.0
     pairs: tuple[Index, Index] = (np.zeros(0, dtype=np.intp), np.zeros(0, dtype=np.intp))  # landmark, rock
 
 
@@ -100,16 +105,18 @@ def watch(
     """The belief after the rocks of a picture, which were placed by the pose ``estimate`` at the time of ``state``."""
     model = model or LandmarkModel()
     known = _caught_up(known, state)
+    state = replace(state, carried=nothing_carried(), by_scale=state.carried.passed @ state.by_scale)
     views = rock_views(observation, estimate, camera_b, model.view)
     pairs, should = _matched(state, known, views, observation, camera_b, model)
     met = len(pairs[0])
     bad = int(should.sum()) >= model.lost_least and met < model.lost_share * should.sum()
-    known = replace(known, bad_looks=known.bad_looks + 1 if bad else 0)
-    fresh = _unlike_any(state, known, views, pairs, camera_b, model)
-    state, known = _corrected(state, known, views, pairs, camera_b, model)
+    good = int(should.sum()) >= model.lost_least and not bad
+    known = replace(known, bad_looks=0 if good else known.bad_looks + bad)
+    fresh = _unlike_any(state, known, views, pairs, camera_b)
+    state, known = _corrected(state, known, views, pairs, camera_b)
     known = _counted(known, views, pairs, should)
-    if not bad:
-        known = _extended(state, known, views, fresh, camera_b, model.view)
+    if not bad and known.bad_looks < model.lost_looks:
+        known = _extended(state, known, views, fresh, camera_b)
     known = _thinned(known, state.mean[:2], model)
     result = Watched(state, known, len(views), met, int(should.sum()), pairs=pairs)
     return replace(result, lost=_lost(result, model))
@@ -123,21 +130,17 @@ def _caught_up(known: LandmarkMap, state: LocalizationState) -> LandmarkMap:
         place_w=known.place_w + (cross.T @ carried.pulled).reshape(-1, 3),
         cross=carried.passed @ cross,
         covariance=known.covariance - cross.T @ carried.learned @ cross,
+        by_scale=known.by_scale - cross.T @ carried.learned @ state.by_scale,
     )
 
 
-def _coordinates(model: ViewModel) -> int:
-    """How many of `directions` are measured."""
-    return 3 if model.two_eyes else 2
-
-
 def _joint(state: LocalizationState, known: LandmarkMap) -> FloatArray:
-    """Covariance (12 + 3 M, 12 + 3 M) of state and map."""
+    """Covariance (11 + 3 M, 11 + 3 M) of state and map."""
     return np.block([[state.covariance, known.cross], [known.cross.T, known.covariance]])
 
 
 def _rows(by_state: FloatArray, by_place: FloatArray, landmark: Index, count: int) -> FloatArray:
-    """Derivatives (P, C, 12 + 3 M) of what is expected of some landmarks by state and map."""
+    """Derivatives (P, C, 11 + 3 M) of what is expected of some landmarks by state and map."""
     rows = np.zeros((len(landmark), by_state.shape[1], STATES + 3 * count))
     rows[:, :, :STATES] = by_state
     for pair, column in enumerate(STATES + 3 * landmark):
@@ -164,8 +167,7 @@ def _matched(
     none = np.zeros(0, dtype=np.intp)
     if len(known) == 0:
         return (none, none), np.zeros(0, dtype=bool)
-    count = _coordinates(model.view)
-    expected, by_state, by_place, _ = expected_views(state, known.place_w, camera_b)
+    expected, by_state, by_place = expected_views(state, known.place_w, camera_b)
     distance = np.exp(expected[:, DISTANCE])
     inside = np.zeros(len(known), dtype=bool)
     if len(observation.footprint_w) >= 3:
@@ -175,17 +177,17 @@ def _matched(
     if len(views) == 0:
         return (none, none), should
     rough = np.flatnonzero((np.abs(expected[:, AZIMUTH]) < 1.2) & (distance < model.view.reach_m + 3.0))
-    rows = _rows(by_state[rough, :count], by_place[rough, :count], rough, len(known))
+    rows = _rows(by_state[rough], by_place[rough], rough, len(known))
     stacked = rows.reshape(-1, rows.shape[2])
     whole = stacked @ _joint(state, known) @ stacked.T
-    blocks = count * np.arange(len(rough))[:, None] + np.arange(count)
+    blocks = AXES * np.arange(len(rough))[:, None] + np.arange(AXES)
     alone = whole[blocks[:, :, None], blocks[:, None, :]]
-    noise = views.sd[:, :count] ** 2
-    off = _off(views.seen[None, :, :count], expected[rough, None, :count])
+    noise = views.sd[:] ** 2
+    off = _off(views.seen[None, :], expected[rough, None])
     sized = (views.log_size[None] - known.log_size[rough, None]) ** 2 / (2.0 * model.view.size_sd**2)
-    spread = alone[:, None] + noise[None, :, :, None] * np.eye(count)
+    spread = alone[:, None] + noise[None, :, :, None] * np.eye(AXES)
     apart = individually(off, spread) + sized
-    first, view = np.nonzero(apart < gate(count, model.match.confidence))
+    first, view = np.nonzero(apart < gate(AXES, model.match.confidence))
     if len(first) == 0:
         return (none, none), should
     index = blocks[first].ravel()
@@ -202,17 +204,15 @@ def _unlike_any(
     views: RockViews,
     pairs: tuple[Index, Index],
     camera_b: Vector3,
-    model: LandmarkModel,
 ) -> Index:
     """Views (K,) that are no landmark's, by a wide gate."""
     free = np.ones(len(views), dtype=bool)
     free[pairs[1]] = False
     if len(known) and len(views):
-        expected, _, _, w = expected_views(state, known.place_w, camera_b)
+        expected, _, _ = expected_views(state, known.place_w, camera_b)
         off = _off(views.seen[None, :, :2], expected[:, None, :2])
         apart = np.abs(off / (3.0 * np.hypot(views.sd[None, :, :2], 0.03)))
         free &= ~(apart.max(axis=2) < 1.0).any(axis=0)
-        del w
     return np.flatnonzero(free)
 
 
@@ -222,35 +222,43 @@ def _corrected(
     views: RockViews,
     pairs: tuple[Index, Index],
     camera_b: Vector3,
-    model: LandmarkModel,
 ) -> tuple[LocalizationState, LandmarkMap]:
-    """State and map after the matched views, with nothing carried."""
-    fresh = replace(state, carried=nothing_carried())
+    """State and map after the matched views.
+
+    That all distances may be off by one share is no error that the gain reckons with: geometry that is off a little
+    would pull an estimate of it anywhere. What it would do to state and map is kept beside (after Schmidt, 1966).
+    """
     landmark, view = pairs
     if len(landmark) == 0:
-        return fresh, known
-    count = _coordinates(model.view)
-    expected, by_state, by_place, _ = expected_views(state, known.place_w, camera_b)
-    rows = _rows(by_state[landmark, :count], by_place[landmark, :count], landmark, len(known))
+        return state, known
+    expected, by_state, by_place = expected_views(state, known.place_w, camera_b)
+    rows = _rows(by_state[landmark], by_place[landmark], landmark, len(known))
     rows = rows.reshape(-1, rows.shape[2])
-    off = _off(views.seen[view, :count], expected[landmark, :count]).ravel()
-    noise = views.sd[view, :count].ravel() ** 2
+    off = _off(views.seen[view], expected[landmark]).ravel()
+    noise = views.sd[view].ravel() ** 2
     joint = _joint(state, known)
     reach = joint @ rows.T
     spread = rows @ reach + np.diag(noise)
     gain = np.linalg.solve(spread, reach.T).T
     step = gain @ off
     joint = joint - gain @ reach.T
+    by_scale = np.concatenate([state.by_scale, known.by_scale])
+    told = np.zeros((len(view), AXES))
+    told[:, DISTANCE] = 1.0
+    by_scale = by_scale + gain @ (told.ravel() - rows @ by_scale)
     joint = 0.5 * (joint + joint.T)
     mean = state.mean + step[:STATES]
     mean[YAW] = wrap_angle(float(mean[YAW]))
     mean[FACTOR] = np.clip(mean[FACTOR], -0.5, 1.5)
-    corrected = replace(fresh, mean=mean, covariance=np.ascontiguousarray(joint[:STATES, :STATES]))
+    corrected = replace(
+        state, mean=mean, covariance=np.ascontiguousarray(joint[:STATES, :STATES]), by_scale=by_scale[:STATES]
+    )
     return corrected, replace(
         known,
         place_w=known.place_w + step[STATES:].reshape(-1, 3),
         cross=joint[:STATES, STATES:],
         covariance=joint[STATES:, STATES:],
+        by_scale=by_scale[STATES:],
     )
 
 
@@ -270,14 +278,16 @@ def _extended(
     views: RockViews,
     fresh: Index,
     camera_b: Vector3,
-    model: ViewModel,
 ) -> LandmarkMap:
     """The map with the views ``fresh`` as new landmarks."""
     if len(fresh) == 0:
         return known
     new = RockViews(views.seen[fresh], views.sd[fresh], views.log_size[fresh])
-    place, by_state, own = placed(state, new, camera_b, model)
+    place, by_state, own = placed(state, new, camera_b)
     slope = by_state.reshape(-1, STATES)
+    # A share too much of the distance and what it brings the rover to believe lie along the line of sight.
+    eye = state.mean[: Z + 1] + camera_offset(state, camera_b) @ level_axes(float(state.mean[YAW]))
+    by_scale = (eye - place).ravel()
     covariance = slope @ state.covariance @ slope.T
     for k in range(len(fresh)):
         covariance[3 * k : 3 * k + 3, 3 * k : 3 * k + 3] += own[k]
@@ -289,6 +299,7 @@ def _extended(
         np.concatenate([known.log_size, new.log_size]),
         np.concatenate([known.views, np.ones(len(fresh))]),
         np.concatenate([known.missed, np.zeros(len(fresh))]),
+        np.concatenate([known.by_scale, slope @ state.by_scale + by_scale]),
         known.bad_looks,
     )
 
@@ -321,7 +332,7 @@ def _lost(watched: Watched, model: LandmarkModel) -> str:
     bad = watched.landmarks.bad_looks
     if bad >= model.lost_looks:
         return f"{watched.matched} of {watched.expected} landmarks met, {bad} pictures in a row"
-    sd = hypot(*np.sqrt(np.maximum(np.diag(watched.state.covariance)[:2], 0.0)))
-    if sd > model.lost_sd_m:
+    sd = hypot(*np.sqrt(np.diag(watched.state.place_covariance)[:2]))
+    if sd > model.lost_sd_m + model.lost_travel_share * watched.state.travel_m:
         return f"place known to {sd:.1f} m only"
     return ""

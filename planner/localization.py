@@ -1,12 +1,12 @@
 """Where the rover believes it is: an extended Kalman filter over compass, gyroscope, wheel encoders and GNSS.
 
-State ``(x, y, z, yaw, gyro bias, speed factor, slide east, slide north, compass error, lean x, lean y, scale)``: the
+State ``(x, y, z, yaw, gyro bias, speed factor, slide east, slide north, compass error, lean x, lean y)``: the
 speed factor is true over wheel speed, so one minus it is the mean slip; it wanders and returns to what the soil usually
 gives. The slide is what the body moves beside that, downhill across a slope and while it turns on the spot, over the
 travel of its wheels. Roll and pitch come from a complementary filter of gyroscope and accelerometer; the lean is what
-they miss, about the level axes ahead and to the left; the scale is what all distances seen have in common. Without GNSS it is dead reckoning, and the standard deviations
-grow, unless rocks are watched (`planner.landmarks`). Method: Thrun, Burgard, Fox,
-"Probabilistic Robotics" (2005), section 3.3; Mahony et al., IEEE TAC 53(5), 2008.
+they miss, about the level axes ahead and to the left. Without GNSS it is dead reckoning, and the standard deviations
+grow, unless rocks are watched (`planner.landmarks`). Method: Thrun, Burgard, Fox, "Probabilistic Robotics" (2005),
+section 3.3; Mahony et al., IEEE TAC 53(5), 2008.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from math import atan2, cos, exp, hypot, sin, sqrt, tan
 
 import numpy as np
 
-from planner.localization_kernels import BIAS, COMPASS, FACTOR, SLIDE_X, SLIDE_Y, STATES, YAW, advance
+from planner.localization_kernels import BIAS, COMPASS, FACTOR, SLIDE_X, SLIDE_Y, STATES, YAW, Z, advance
 from planner.mobility import body_motion
 from worlds.geometry import quaternion_from_euler, rotation_from_quaternion, wrap_angle
 from worlds.types import (
@@ -57,7 +57,20 @@ class SensorModel:
     compass_sd_rad: float = 0.0  # of an error that stays; 0: heading_sd_rad covers it
     lean_sd_rad: float = 0.0  # of what the attitude misses; 0: nobody asks
     lean_time_s: float = 3.0
-    scale_sd: float = 0.0  # of the logarithm of all distances that the camera tells
+    scale_sd: float = 0.0  # of the share that all distances seen by the cameras are off
+
+
+def model_without_satellites(gravity_m_s2: float) -> SensorModel:
+    """For landmarks: what the sensors' own noise is, and what stays off for a whole drive apart from it."""
+    return SensorModel(
+        gravity_m_s2=gravity_m_s2,
+        heading_sd_rad=0.012,
+        heading_correlation_s=0.02,
+        gyro_sd_rad_s=0.002,
+        compass_sd_rad=0.009,
+        lean_sd_rad=0.009,
+        scale_sd=0.004,
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,9 +80,9 @@ class Carried:
     Compressed extended Kalman filter: Guivant and Nebot, IEEE Trans. Robotics and Automation 17(3), 2001, section III.
     """
 
-    passed: FloatArray  # (12, 12) what became of an error of the state
-    learned: FloatArray  # (12, 12) information about the state at the start
-    pulled: FloatArray  # (12,) the same times the innovations
+    passed: FloatArray  # (11, 11) what became of an error of the state
+    learned: FloatArray  # (11, 11) information about the state at the start
+    pulled: FloatArray  # (11,) the same times the innovations
 
 
 def nothing_carried() -> Carried:
@@ -82,8 +95,8 @@ class LocalizationState:
     """All that the filter remembers."""
 
     time_s: float
-    mean: FloatArray  # (12,)
-    covariance: FloatArray  # (12, 12)
+    mean: FloatArray  # (11,)
+    covariance: FloatArray  # (11, 11)
     roll_rad: float
     pitch_rad: float
     speed_m_s: float  # along body x, after slip, without the slide
@@ -92,6 +105,14 @@ class LocalizationState:
     travel_m: float = 0.0  # of the wheels, turning on the spot included
     slide_m_s_w: FloatArray = field(default_factory=lambda: np.zeros(2))  # (2,)
     carried: Carried = field(default_factory=nothing_carried)
+    by_scale: FloatArray = field(default_factory=lambda: np.zeros(STATES))  # (11,) by the share seen distances are off
+    scale_sd: float = 0.0
+
+    @property
+    def place_covariance(self) -> FloatArray:
+        """Covariance (3, 3) of the place, m^2: by chance, and by distances that are all off alike."""
+        by_scale = self.scale_sd * (self.carried.passed @ self.by_scale)[: Z + 1]
+        return np.asarray(self.covariance[: Z + 1, : Z + 1] + np.outer(by_scale, by_scale))
 
 
 def start(
@@ -106,27 +127,19 @@ def start(
     So does the heading, unless ``heading`` (rad, and one sigma) is known as well.
     """
     model = model or SensorModel()
-<<<<<<< HEAD
     if readings.imu is None or readings.imu.heading_rad is None:
         raise ValueError("a rover cannot start without inertial unit and compass")
-    heading = readings.imu.heading_rad
-    roll, pitch = _tilt(readings.imu.acceleration_b)
-    mean = np.array([*position_w, heading, 0.0, model.usual_factor, 0.0, 0.0])
-=======
     yaw, yaw_sd = heading or (readings.imu.heading_rad, model.heading_sd_rad)
     roll, pitch = _tilt(readings.imu.acceleration_b)
-    mean = np.array([*position_w, yaw, 0.0, model.usual_factor, *(0.0,) * 6])
->>>>>>> 5479fd1 (wip landmarks)
+    mean = np.array([*position_w, yaw, 0.0, model.usual_factor, *(0.0,) * 5])
     slide_sd = model.slide_sd * float(np.sin(np.hypot(roll, pitch)))
-    unseen = model.compass_sd_rad, model.lean_sd_rad, model.lean_sd_rad, model.scale_sd
+    unseen = model.compass_sd_rad, model.lean_sd_rad, model.lean_sd_rad
     sd = np.array([*(position_sd_m,) * 3, yaw_sd, 0.01, model.factor_sd, slide_sd, slide_sd, *unseen])
     # One place tells the general slope no better than "level" does: half of each.
-<<<<<<< HEAD
-    normal = rotation_from_quaternion(quaternion_from_euler(roll / 2, pitch / 2, heading))[:, 2]
-=======
     normal = rotation_from_quaternion(quaternion_from_euler(roll / 2, pitch / 2, yaw))[:, 2]
->>>>>>> 5479fd1 (wip landmarks)
-    return LocalizationState(readings.time_s, mean, np.diag(sd**2), roll, pitch, 0.0, 0.0, normal)
+    return LocalizationState(
+        readings.time_s, mean, np.diag(sd**2), roll, pitch, 0.0, 0.0, normal, scale_sd=model.scale_sd
+    )
 
 
 def localize(
@@ -173,6 +186,8 @@ def localize(
         state.travel_m + travelled,
         rim_speed * mean[SLIDE_X:COMPASS],
         carried,
+        state.by_scale,
+        state.scale_sd,
     )
 
 
@@ -180,7 +195,7 @@ def estimate(state: LocalizationState) -> PoseEstimate:
     """The believed pose and motion."""
     yaw = float(state.mean[YAW])
     pose = Pose(state.mean[:3].copy(), quaternion_from_euler(state.roll_rad, state.pitch_rad, yaw))
-    (xx, xy), (_, yy) = state.covariance[:2, :2].tolist()
+    (xx, xy), (_, yy) = state.place_covariance[:2, :2].tolist()
     widest = (xx + yy) / 2 + hypot((xx - yy) / 2, xy)  # the larger eigenvalue
     velocity = state.speed_m_s * _forward(yaw, state.pitch_rad)
     velocity[:2] += state.slide_m_s_w
@@ -199,24 +214,18 @@ def ground_plane(state: LocalizationState, body_height_m: float) -> GroundPlane:
 
 
 def _noise(
-<<<<<<< HEAD
     model: SensorModel,
     step: float,
     wheel_speed: float,
-    kept: tuple[float, float],
+    kept: tuple[float, float, float],
     lean_rad: float,
     *,
     silent: bool,
 ) -> tuple[float, ...]:
-    """Variances that a step adds to place, heading, bias, factor and slide, and that of the heading read after it.
+    """Variances that a step adds to place, heading, bias, factor, slide and lean, and that of the heading read after.
 
     ``silent``: no heading is read.
     """
-=======
-    model: SensorModel, step: float, wheel_speed: float, kept: tuple[float, float, float], lean_rad: float
-) -> tuple[float, ...]:
-    """Variances that a step adds to place, heading, bias, factor, slide and lean, and that of the heading read."""
->>>>>>> 5479fd1 (wip landmarks)
     return (
         (model.side_slip_sd * wheel_speed) ** 2 * step,
         model.gyro_sd_rad_s**2 * step * model.heading_correlation_s,

@@ -7,13 +7,13 @@ from numba import njit
 
 from worlds.types import FloatArray
 
-X, Y, Z, YAW, BIAS, FACTOR, SLIDE_X, SLIDE_Y, COMPASS, LEAN_X, LEAN_Y, SCALE = range(12)
-STATES = 12
+X, Y, Z, YAW, BIAS, FACTOR, SLIDE_X, SLIDE_Y, COMPASS, LEAN_X, LEAN_Y = range(11)
+STATES = 11
 
 
 @njit(cache=True)
 def _spread(covariance: FloatArray, transition: FloatArray, half: FloatArray) -> None:
-    """What a covariance becomes when its quantities go through a linear map; ``half`` (12, 12) is scratch."""
+    """What a covariance becomes when its quantities go through a linear map; ``half`` (11, 11) is scratch."""
     for i in range(STATES):
         for j in range(STATES):
             half[i, j] = 0.0
@@ -86,7 +86,7 @@ def advance(
 ) -> None:
     """Move the belief on by one step of the wheels and correct it by the heading read then, in place.
 
-    ``mean`` (12,) and ``covariance`` (12, 12) as in `localization`, ``carried`` as in `localization.Carried`;
+    ``mean`` (11,) and ``covariance`` (11, 11) as in `localization`, ``carried`` as in `localization.Carried`;
     ``motion``: seconds, way ahead by the wheels and travel of the rims (m), yaw rate (rad/s), pitch (rad); ``target``:
     the factor to which the speed factor returns, how much of the way there is left, what is kept of the slide and of
     the lean, and the heading read (rad); ``noise``: variances added to each coordinate, to heading, bias, factor, slide

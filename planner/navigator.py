@@ -27,7 +27,7 @@ AROUND_M = 3.5  # of what the scanner saw, for manoeuvres
 STANDING_M = 0.4  # of ground around the rover that is known for it stands there
 MOST_AVOIDED = 3  # places of trouble
 START_CLEAR_M = 1.0  # the rover is set down on ground where it has room to turn
-Kind = Literal["drive", "look", "back_up", "arrived", "no_path"]
+Kind = Literal["drive", "look", "back_up", "arrived", "no_path", "lost"]
 
 
 @dataclass(frozen=True)

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 import pytest
 
 from perception.pipeline import Knowledge, load_knowledge
 from planner import navigator
+from planner.relocation import Located
 from rover_sim.autopilot.modes import Mode
 from rover_sim.mavlink.memory import MemoryEnd
 from rover_sim.onboard import OnboardComputer
@@ -54,7 +56,8 @@ class Drive:
                 self._look_s = self.pair.time_s + LOOK_S
                 ground = GroundPlane(np.zeros(3), np.array([0.0, 0.0, 1.0]))
                 pose = camera_pose(estimate.pose, CAMERA)
-                self.onboard.look(Frame(self.pair.time_s, SAND, CAMERA, pose, ground), estimate, self.pair.time_s)
+                frame = Frame(self.pair.time_s, SAND, CAMERA, pose, ground)
+                self.onboard.look(frame, partial(Located, estimate=estimate), self.pair.time_s)
 
     def _estimate(self) -> PoseEstimate:
         motion = self.pair.rover.motion

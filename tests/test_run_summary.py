@@ -46,6 +46,8 @@ def _trace() -> TraceRecorder:
         recorder.add(
             time_s=time_s,
             position_w=(x, y, 0.0),
+            estimate_position_w=(x + 0.3 * time_s, y - 0.4 * time_s, 0.1),
+            estimate_covariance_m2=(0.04, 0.0, 0.0, 0.05),
             quaternion_w=(np.sin(roll), 0.0, 0.0, np.cos(roll)),
             wheel_speed=(0.0, 10.0, 10.0, 10.0),
             slip=(0.9, 0.1, 0.2, 0.3),
