@@ -17,7 +17,7 @@ from planner.route_following import Following
 from planner.terrain_map import RockMemory
 from rover_sim.autopilot.modes import MissionState, Mode, Severity
 from rover_sim.mavlink.geodesy import LocalFrame
-from rover_sim.mavlink.plan_items import CRUISE_M_S, backing_items, risky_speed, way_items
+from rover_sim.mavlink.plan_items import CRUISE_M_S, backing_items, mission_items, risky_speed, way_items
 from rover_sim.mavlink.uploader import Upload, UploadState
 from rover_sim.mavlink.vehicle_control import VehicleControl
 from rover_sim.mavlink.wire import WireItem
@@ -205,7 +205,9 @@ class OnboardComputer:
         elif decision.kind == "back_up":
             here = float(estimate.pose.position_w[2])
             places = [(float(x), float(y), here) for x, y in decision.waypoints_w[1:]]
-            self._drive(backing_items(places, self._local, self._home_w), time_s)
+            # A vehicle that cannot back up turns round and drives there: that needs more room, but leads out as well.
+            items = backing_items if self._companion.reverses else mission_items
+            self._drive(items(places, self._local, self._home_w), time_s)
         elif decision.kind == "look":
             self._upload = None
             if not self._companion.status.armed:

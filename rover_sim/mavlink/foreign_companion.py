@@ -97,6 +97,11 @@ class ForeignCompanion:
         return () if self._latest is None else self._latest.items
 
     @property
+    def reverses(self) -> bool:
+        """Whether its missions can make it drive backwards, as far as is known."""
+        return self.found is None or mavlink.MAV_CMD_DO_SET_REVERSE not in self.found.rules.unsupported
+
+    @property
     def owns_mission(self) -> bool | None:
         """Whether the vehicle's mission was uploaded here; None without one, or before anything was read back."""
         if self._watch.status.mission_state is MissionState.NO_MISSION:
