@@ -109,10 +109,6 @@ class Px4Peer:
         """Wait for news on the link; the seconds passed."""
         return wait(self._transport.handles(), seconds)
 
-    def close(self) -> None:
-        """Close the link."""
-        self._transport.close()
-
     def _begin(self, peer: str | None) -> None:
         self.number += peer is not None
         self._peer, self._heard, self._in_hil, self._truth_usec = peer, False, False, 0
