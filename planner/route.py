@@ -86,13 +86,21 @@ class Route:
 
 
 def cost_map(
-    ground: ElevationMap, costs: SlopeCosts, model: RouteModel | None = None, blocked: BoolArray | None = None
+    ground: ElevationMap,
+    costs: SlopeCosts,
+    model: RouteModel | None = None,
+    blocked: BoolArray | None = None,
+    crowded: FloatArray | None = None,
 ) -> CostMap:
-    """The cost of driving over a map; ``blocked`` (ny, nx) is forbidden whatever its heights say."""
+    """The cost of driving over a map.
+
+    ``blocked`` (ny, nx) is forbidden whatever its heights say; ``crowded`` (ny, nx), from 1, is how many times more a
+    metre costs for what stands in the way.
+    """
     model = model or RouteModel()
     layers = ground_layers(ground)
     index = traversability(layers, costs.softness) / best_index()
-    care = 1.0 + model.care * np.clip(1.0 - index, 0.0, 1.0)
+    care = (1.0 + model.care * np.clip(1.0 - index, 0.0, 1.0)) * (1.0 if crowded is None else crowded)
     steepest = max(costs.up_deg, costs.down_deg, costs.across_deg)
     care[~layers.known | (layers.slope_deg > steepest) | (layers.step_m > model.most_step_m)] = np.inf
     if blocked is not None:

@@ -8,26 +8,31 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from scipy import ndimage
 
 from planner import navigator
 from planner.navigator import Decision, NavigatorState
-from planner.route import CostMap, Place, Route, RouteModel, cost_map, plan_route
+from planner.route import CostMap, Place, Route, RouteModel, cost_map, plan_route, way_cost
 from planner.route_cost import SlopeCosts
 from planner.route_ground import ElevationMap
 from planner.route_marks import Landmark, Leg, LegModel, landmarks, legs
-from worlds.types import BoolArray, FloatArray, Observation, PoseEstimate, RangeScan
+from planner.terrain_store import TerrainStore, fused, with_cells
+from worlds.types import BoolArray, FloatArray, HeightField, Observation, PoseEstimate, RangeScan
 
 LEAVE_M = 4.0  # of forbidden ground that a rover which stands on it may cross to get away
 BLOCK_M = 1.5  # radius of the discs by which a leg that cannot be driven is blocked
 CLEAR_M = 2.5  # about the rover and about the goal, that are never blocked
 MOST_REPLANS = 8
+LEAST_GAIN = 0.05  # of cost, for which a route is changed that can be driven
+CROWD_M = 2.0  # about which rocks are counted
+MOST_CROWDED = 0.8  # share of a cell that rocks may take as far as its cost goes
 
 
 @dataclass(frozen=True, eq=False)
 class Following:
     """A route being driven."""
 
-    ground: ElevationMap
+    store: TerrainStore  # the map from above and what the rover saw of it
     costs: SlopeCosts
     goal_w: Place
     goal_radius_m: float
@@ -41,6 +46,8 @@ class Following:
     driven: tuple[Leg, ...] = ()  # legs that are over, of former routes too
     routes: tuple[Route, ...] = ()  # former ones
     reasons: tuple[str, ...] = ()  # why each of those was given up
+    refusals: int = 0  # how many of them because a leg could not be driven
+    rocks_w: FloatArray = field(default_factory=lambda: np.zeros((0, 3)))  # (N, 3) x, y, radius of those to go round
 
     @property
     def leg(self) -> Leg:
@@ -68,7 +75,7 @@ def begin(
     map_ = cost_map(ground, costs, model)
     route, marks = plan_route(map_, start_w, goal_w, model), landmarks(ground)
     cut = legs(map_, route, marks, leg_model)
-    return Following(ground, costs, goal_w, goal_radius_m, route, cut, marks, model, leg_model)
+    return Following(TerrainStore(ground), costs, goal_w, goal_radius_m, route, cut, marks, model, leg_model)
 
 
 def aimed(plan: NavigatorState, following: Following) -> NavigatorState:
@@ -91,9 +98,10 @@ def step(
     if plan.end is None and following.legs:
         passed = _passed(following, place)
         if passed.at != following.at:
-            following, plan = passed, aimed(plan, passed)
+            following = improved(passed, plan, place)
+            plan = aimed(plan, following)
     plan, decision = navigator.step(plan, observation, estimate, time_s, scan)
-    if decision.kind != "no_path" or not following.legs or len(following.routes) >= MOST_REPLANS:
+    if decision.kind != "no_path" or not following.legs or following.refusals >= MOST_REPLANS:
         return following, plan, decision
     other = _passed(blocked(following, place, decision.reason), place)
     if other.route.refusal is not None:
@@ -103,17 +111,53 @@ def step(
     return other, plan, decision
 
 
+def improved(following: Following, plan: NavigatorState, place: Place) -> Following:
+    """The following with what the rover saw on the last leg, and another route if that has become cheaper by enough.
+
+    Old and new are compared over the same map, so that news of an obstacle never makes the way that is left worse.
+    """
+    told = replace(following, store=with_cells(following.store, plan.memory.cells), rocks_w=_rocks(plan))
+    map_ = driven_map(told)
+    left = np.vstack([[place], *[[leg.end_w] for leg in told.legs[told.at :]]])
+    old, new = way_cost(map_, left), plan_route(map_, place, told.goal_w, replace(told.model, leave_m=LEAVE_M))
+    if new.refusal is not None or new.cost > (1.0 - LEAST_GAIN) * old:
+        return told
+    reason = f"what was seen makes another way cheaper: {new.cost:.0f} instead of {old:.0f}"
+    return _passed(_rerouted(told, map_, new, reason), place)
+
+
 def blocked(following: Following, place: Place, reason: str) -> Following:
     """Another route from ``place``, on which the rest of the present leg is not driven."""
     discs = np.vstack([following.blocked_w, _discs(following, place)])
-    return replanned(replace(following, blocked_w=discs), place, reason)
+    following = replace(following, blocked_w=discs, refusals=following.refusals + 1)
+    map_ = driven_map(following)
+    route = plan_route(map_, place, following.goal_w, replace(following.model, leave_m=LEAVE_M))
+    return _rerouted(following, map_, route, reason)
 
 
-def replanned(following: Following, place: Place, reason: str) -> Following:
-    """Another route from ``place`` over what the map says now; the goal's surroundings are never blocked."""
-    map_ = blocked_map(following)
-    model = replace(following.model, leave_m=LEAVE_M)
-    route = plan_route(map_, place, following.goal_w, model)
+def driven_map(following: Following) -> CostMap:
+    """The cost map by all that is known: legs that could not be driven are closed, places among rocks cost more."""
+    ground = fused(following.store)
+    closed = _share(ground.field, following.blocked_w) > 0.0
+    seen = ground.variance_m2 < following.store.coarse.variance_m2
+    room = 1.0 - np.minimum(_crowding(_share(ground.field, following.rocks_w), seen, ground.field), MOST_CROWDED)
+    return cost_map(ground, following.costs, following.model, closed, 1.0 / room)
+
+
+def _crowding(share: FloatArray, seen: BoolArray, grid: HeightField) -> FloatArray:
+    """How much of the ground rocks take about each cell, where the rover has looked; elsewhere the mean of that.
+
+    Single rocks are navigation's matter, and ground that was not seen yet is no better for it.
+    """
+    if not seen.any():
+        return np.zeros(share.shape)
+    sigma = CROWD_M / grid.resolution_m
+    known = ndimage.gaussian_filter(seen.astype(np.float64), sigma)
+    about = ndimage.gaussian_filter(np.where(seen, share, 0.0), sigma) / np.maximum(known, 1e-9)
+    return np.where(seen, about, float(share[seen].mean()))
+
+
+def _rerouted(following: Following, map_: CostMap, route: Route, reason: str) -> Following:
     return replace(
         following,
         route=route,
@@ -125,16 +169,30 @@ def replanned(following: Following, place: Place, reason: str) -> Following:
     )
 
 
-def blocked_map(following: Following) -> CostMap:
-    """The cost map with what cannot be driven left out."""
-    field_ = following.ground.field
-    ny, nx = field_.heights_m.shape
-    closed: BoolArray = np.zeros((ny, nx), dtype=bool)
-    x = field_.origin_m[0] + field_.resolution_m * np.arange(nx)
-    y = field_.origin_m[1] + field_.resolution_m * np.arange(ny)
-    for left, up, radius in following.blocked_w:
-        closed |= np.hypot(x[None, :] - left, y[:, None] - up) <= radius
-    return cost_map(following.ground, following.costs, following.model, closed)
+def _rocks(plan: NavigatorState) -> FloatArray:
+    """Rocks (N, 3) that the rover remembers and goes round: x, y and radius with half its own width."""
+    rocks, body = plan.memory.rocks, plan.models.footprint
+    high = (rocks.height_m > body.climb_height_m) & (rocks.certainty > 0.5)
+    radius = 0.5 * np.sqrt(rocks.length_m * rocks.width_m) + 0.5 * body.width_m
+    return np.column_stack([rocks.centre_w, radius])[high]
+
+
+def _share(grid: HeightField, discs_w: FloatArray) -> FloatArray:
+    """About how much of each cell (ny, nx) discs (N, 3) cover; cells that only touch one count in part."""
+    ny, nx = grid.heights_m.shape
+    share, cell = np.zeros((ny, nx)), grid.resolution_m
+    for x, y, radius in discs_w:
+        column, row = (x - grid.origin_m[0]) / cell, (y - grid.origin_m[1]) / cell
+        reach = radius / cell
+        rows = np.arange(max(0, int(row - reach)), min(ny, int(np.ceil(row + reach)) + 1))
+        columns = np.arange(max(0, int(column - reach)), min(nx, int(np.ceil(column + reach)) + 1))
+        if not (len(rows) and len(columns)):
+            continue
+        apart = np.hypot(rows[:, None] - row, columns[None, :] - column)
+        share[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1] += np.clip(reach + 0.5 - apart, 0.0, 1.0) * min(
+            1.0, np.pi * reach**2
+        )
+    return share
 
 
 def _discs(following: Following, place: Place) -> FloatArray:

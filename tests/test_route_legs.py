@@ -5,6 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from scipy import ndimage
 
 from planner import navigator, route_following
 from planner.navigator import Decision, NavigatorState
@@ -77,8 +78,8 @@ def test_a_landmark_behind_a_wall_is_none() -> None:
     assert all(leg.landmark is None for leg in legs(map_, plan_route(map_, START, GOAL), marks))
 
 
-def started(field: HeightField, goal: Place = GOAL) -> tuple[Following, NavigatorState]:
-    following = route_following.begin(ElevationMap.of(field, 0.02), COSTS, START, goal, 1.0)
+def started(field: HeightField, goal: Place = GOAL, error_m: float = 0.02) -> tuple[Following, NavigatorState]:
+    following = route_following.begin(ElevationMap.of(field, error_m), COSTS, START, goal, 1.0)
     return following, route_following.aimed(navigator.begin(goal, 1.0, FOOTPRINT, START), following)
 
 
@@ -142,3 +143,41 @@ def test_a_refused_route_ends_the_plan_before_it_begins() -> None:
     assert plan.end is not None
     assert plan.end.kind == "no_path"
     assert "the goal (200.0, 30.0) m is not on the map" in plan.end.reason
+
+
+def seen(plan: NavigatorState, heights_m: FloatArray, sd_m: float = 0.03) -> NavigatorState:
+    """The plan of a rover that has seen all of its window; heights (CELLS, CELLS)."""
+    cells = plan.memory.cells
+    layer = np.full(cells.height_m.shape, sd_m**2, dtype=np.float32)
+    told = replace(
+        cells,
+        height_m=heights_m.astype(np.float32),
+        variance_m2=layer,
+        source=np.ones(layer.shape, dtype=np.uint8),
+    )
+    return replace(plan, memory=replace(plan.memory, cells=told))
+
+
+def test_a_ridge_that_the_map_did_not_have_is_gone_round_once_it_is_seen() -> None:
+    following, plan = started(bumps(), error_m=0.3)
+    cells = plan.memory.cells
+    x = cells.origin_w[0] + 0.05 * (np.arange(448) + 0.5)
+    y = cells.origin_w[1] + 0.05 * (np.arange(448) + 0.5)
+    ridge = 3.0 * np.exp(-0.5 * ((x[None, :] - 12.0) / 1.2) ** 2) * (np.abs(y[:, None] - 30.0) < 6.0)
+    after = route_following.improved(following, seen(plan, ridge), START)
+    map_ = route_following.driven_map(after)
+    assert len(after.routes) == 1
+    assert "makes another way cheaper" in after.reasons[0]
+    assert np.isinf(way_cost(map_, following.route.way_w))
+    assert np.isfinite(way_cost(map_, after.route.way_w))
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_what_is_seen_never_makes_the_way_that_is_left_dearer(seed: int) -> None:
+    following, plan = started(bumps((40.0, 30.0, 3.0)))
+    noise = np.random.default_rng(seed).normal(0.0, 1.0, (448, 448))
+    hills = 2.0 * ndimage.gaussian_filter(noise, 30) / ndimage.gaussian_filter(noise, 30).std()
+    after = route_following.improved(following, seen(plan, hills), START)
+    map_ = route_following.driven_map(after)
+    old, new = (way_cost(map_, np.array([START, *(leg.end_w for leg in one.legs)])) for one in (following, after))
+    assert new <= old * (1 + 1e-9)
