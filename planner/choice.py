@@ -25,6 +25,7 @@ SUB_GOALS_M = (6.5, 4.5, 3.0, 2.0, 1.2)  # along the field's way, tried in turn
 AHEAD_M = (1.8, 1.0)  # to make room
 SQUEEZE_SHARE, SQUEEZE_M = 1.1, 2.0  # cost of a way through narrow gaps against one that keeps the whole margin
 TURN_M = 1.0  # of way that a radian of turning on the spot costs where an old way is compared with a new one
+SLOPE_DEG, DEARER_BY_DEG = 5.0, 0.3  # steeper, each degree makes turns on the spot dearer: wheels dig, and jam
 WORTH_M = 4.0  # metres of way that full traversability is worth when candidates are compared
 
 
@@ -128,7 +129,12 @@ def way_cost(
     length = float(np.linalg.norm(np.diff(waypoints_w, axis=0), axis=1).sum())
     end = waypoints_w[-1]
     rest = float(np.linalg.norm(end - np.asarray(place.goal_w)) if to_go is None else to_go(end[None])[0])
-    return length * float(metre.mean()) + rest + TURN_M * abs(turn_onto(waypoints_w, place))
+    return length * float(metre.mean()) + rest + TURN_M * dearer_turns(place) * abs(turn_onto(waypoints_w, place))
+
+
+def dearer_turns(place: Place) -> float:
+    """Factor on the price of turning on the spot where the ground tilts as it does at ``place``."""
+    return 1.0 + DEARER_BY_DEG * max(place.slope_deg - SLOPE_DEG, 0.0)
 
 
 def turn_onto(way_w: FloatArray, place: Place) -> float:
@@ -192,7 +198,8 @@ def _towards(
         end_cost,
         _room(memory, table_w, place, models),
     )
-    return search(table_w, memory.cells, task, models.drive, models.rows)
+    rows = replace(models.rows, first_turn_cost=models.rows.first_turn_cost * dearer_turns(place))
+    return search(table_w, memory.cells, task, models.drive, rows)
 
 
 def _room(memory: TerrainMemory, table_w: FloatArray, place: Place, models: Models) -> tuple[float, float]:

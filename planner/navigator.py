@@ -7,11 +7,13 @@ from typing import Literal
 
 import numpy as np
 
-from planner.choice import Choice, Models, Place, choose, turn_onto, way_cost
+from planner.choice import SLOPE_DEG, Choice, Models, Place, choose, dense, turn_onto, way_cost
 from planner.corridor import Corridor, SpeedModel, choose_way, corridor
-from planner.ground_cells import driven_view
+from planner.first_bend import begin_with_bend
+from planner.ground_cells import driven_view, sample
 from planner.laser_map import LaserMap
-from planner.obstacle_map import NO_OBSTACLES, Area, fence, obstacles, segment_clearance
+from planner.monitor import tilt
+from planner.obstacle_map import NO_OBSTACLES, Area, fence, let_leave, obstacles, segment_clearance
 from planner.recovery import Ladder, Manoeuvre, finished, next_manoeuvre
 from planner.room import turn_range
 from planner.row_search import Candidate
@@ -26,8 +28,12 @@ TURNING_RAD = float(np.deg2rad(35.0))  # off its way, the rover is turning onto 
 AROUND_M = 3.5  # of what the scanner saw, for manoeuvres
 STANDING_M = 0.4  # of ground around the rover that is known for it stands there
 MOST_AVOIDED = 3  # places of trouble
+SWEPT_M = 1.5  # of a way that begins with a bend, on ground that was seen
+LATELY_S = 1.5  # of looks, over which ...
+GETS_ON_M_S = 0.17  # ... a rover so quick was not stopped by the place
+UPRIGHT_RAD = float(np.deg2rad(25.0))
 START_CLEAR_M = 1.0  # the rover is set down on ground where it has room to turn
-Kind = Literal["drive", "look", "back_up", "arrived", "no_path", "lost"]
+Kind = Literal["drive", "look", "back_up", "arrived", "no_path"]
 
 
 @dataclass(frozen=True)
@@ -88,6 +94,7 @@ class NavigatorState:
     downhill_w: tuple[float, float] = (0.0, 0.0)  # rise over run, smoothed
     travelled_m: float = 0.0
     place_w: tuple[float, float] | None = None
+    lately: tuple[tuple[float, float, float], ...] = ()  # time and place of the last looks
     best_m: float = np.inf  # nearest to the goal so far
     best_at_m: float = 0.0  # travelled then
     first_m: float = 0.0  # distance to the goal at the start
@@ -220,14 +227,26 @@ def note_trouble(state: NavigatorState, estimate: PoseEstimate, radius_m: float 
     """The state after the rover met what it had not seen (stuck, slipping): it backs out.
 
     If it was driving, and not turning onto its way, the place ahead is avoided from now on; only the last few such
-    places are, as each may have been soft ground or a bend, and together they would wall the rover in.
+    places are, as each may have been soft ground or a bend, and together they would wall the rover in. A rover that
+    was getting on, and stands upright, goes on: up steep sand wheels slip by 40 % all the way.
     """
+    if _gets_on(state, estimate):
+        return replace(state, way=None)
     avoid = state.avoid_w
     if state.manoeuvre is None and not _turning(state, estimate):
         forward = rotation_from_quaternion(estimate.pose.quaternion_w)[:2, 0]
         ahead = estimate.pose.position_w[:2] + (state.models.footprint.length_m / 2 + radius_m) * forward
         avoid = np.vstack([avoid, [*ahead, radius_m]])[-MOST_AVOIDED:]
     return replace(state, avoid_w=avoid, way=None, ladder=replace(state.ladder, back_first=True), manoeuvre=None)
+
+
+def _gets_on(state: NavigatorState, estimate: PoseEstimate) -> bool:
+    """Whether the rover was driving a way, moved on to the end, and does not lean."""
+    if state.way is None or state.manoeuvre is not None or tilt(estimate) > UPRIGHT_RAD or not state.lately:
+        return False
+    then_s, *before = state.lately[0]
+    moved_m, since_s = float(np.hypot(*(estimate.pose.position_w[:2] - before))), estimate.time_s - then_s
+    return since_s > 0.5 * LATELY_S and moved_m > GETS_ON_M_S * since_s
 
 
 def _turning(state: NavigatorState, estimate: PoseEstimate) -> bool:
@@ -252,7 +271,6 @@ def _take_in(
     travelled = state.travelled_m + moved
     distance = float(np.hypot(*(place - state.goal_w)))
     up = rotation_from_quaternion(estimate.pose.quaternion_w)[:, 2]
-    tilt = float(np.arccos(np.clip(up[2], -1.0, 1.0)))
     share = 1.0 - float(np.exp(-moved / 1.0))
     downhill = np.asarray(state.downhill_w) + share * (up[:2] / max(up[2], 0.5) - state.downhill_w)
     better = distance < state.best_m - 0.25
@@ -263,7 +281,8 @@ def _take_in(
         track_w=note(state.track_w, (float(place[0]), float(place[1]), yaw)),
         travelled_m=travelled,
         place_w=(float(place[0]), float(place[1])),
-        slope_rad=state.slope_rad + share * (tilt - state.slope_rad),
+        lately=(*(look for look in state.lately if look[0] > estimate.time_s - LATELY_S), (estimate.time_s, *place)),
+        slope_rad=state.slope_rad + share * (tilt(estimate) - state.slope_rad),
         downhill_w=(float(downhill[0]), float(downhill[1])),
         best_m=distance if better else state.best_m,
         best_at_m=travelled if better else state.best_at_m,
@@ -295,7 +314,7 @@ def _table(state: NavigatorState) -> FloatArray:
 
 def _drive(state: NavigatorState, choice: Choice, table: FloatArray, place: Place) -> tuple[NavigatorState, Decision]:
     """Keeps the present way if it is still good, else takes the new one."""
-    fresh = _fresh(choice)
+    fresh = _bent(state, _fresh(choice), table, place, choice)
     state = replace(state, detour=choice.detour)
     rest = None if state.way is None else _rest(state.way.waypoints_w, np.asarray(place.position_w))
     if state.way is not None and rest is not None and _still_good(state, rest, fresh, table, place, choice):
@@ -316,6 +335,25 @@ def _fresh(choice: Choice) -> Decision:
         candidates=choice.candidates,
         scores=choice.scores,
     )
+
+
+def _bent(state: NavigatorState, fresh: Decision, table: FloatArray, place: Place, choice: Choice) -> Decision:
+    """The same way; on a slope begun by a bend instead of a turn on the spot, if there is room and it costs less."""
+    if place.slope_deg < SLOPE_DEG or abs(turn_onto(fresh.waypoints_w, place)) < TURNING_RAD:
+        return fresh
+    models, cells = state.models, state.memory.cells
+    need = models.drive.need_m(models.footprint, squeeze=choice.squeeze)
+    around = let_leave(table, np.asarray(place.position_w), need)
+
+    def free(way_w: FloatArray) -> bool:
+        points = dense(way_w, 0.2)
+        beginning = points[np.hypot(*(points - place.position_w).T) < SWEPT_M]
+        return segment_clearance(around, way_w).min() >= need and bool(sample(cells, beginning)[0].all())
+
+    def cost(way_w: FloatArray) -> float:
+        return way_cost(way_w, state.memory, table, place, models, choice.to_go)
+
+    return replace(fresh, waypoints_w=begin_with_bend(fresh.waypoints_w, place, free, cost))
 
 
 def _still_good(

@@ -35,7 +35,7 @@ MOST_BACK_M = 5.0
 ROOM_TO_TURN_RAD = float(np.deg2rad(70.0))
 LEAST_LOOK_RAD = float(np.deg2rad(20.0))
 LEAST_BACK_M = 0.25
-NUDGES_M = (0.5, 0.25)  # the longer one if there is room
+NUDGES_M = (0.5, 0.25, 0.12)  # the longest that there is room for
 IN_VAIN_M = 0.1  # as near to the last place of trouble, backing out did nothing
 MOST_TURN_RAD = float(np.deg2rad(35.0))  # with which backing out of trouble may begin
 FARTHER_M = 1.5  # beyond what was asked, to where there is room to turn
@@ -98,7 +98,8 @@ def next_manoeuvre(
         in_vain = tried is not None and float(np.hypot(*np.subtract(tried, place.position_w))) < IN_VAIN_M
         away = _back(0.8, "back out of trouble", memory.cells, table_w, track, place, footprint, time_s)
         if in_vain or away is None or abs(_turn_to_back(away, place)) > MOST_TURN_RAD:
-            away = _nudge(table_w, place, footprint, time_s) or away
+            # What did nothing once would do nothing again: without room for a nudge the ladder goes on.
+            away = _nudge(table_w, place, footprint, time_s) or (None if in_vain else away)
         if away is not None:
             return away, ladder
     while ladder.rung < len(RUNGS):

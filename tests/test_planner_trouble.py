@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -13,7 +15,8 @@ from planner.obstacle_map import DriveModel, distance_to, fence, obstacles
 from planner.terrain_map import empty_memory, remember, rock_at
 from planner.track import NO_TRACK, STEP_M, note, way_back
 from tests.planner_factory import FOOTPRINT, DiscWorld, look, pose_at
-from worlds.types import FloatArray, Observation, PerceivedRock
+from worlds.geometry import quaternion_from_euler
+from worlds.types import FloatArray, Observation, PerceivedRock, Pose
 
 CLIMB_M = 0.10
 
@@ -90,14 +93,28 @@ def test_backing_out_that_did_nothing_is_not_tried_again() -> None:
     np.testing.assert_allclose(second.waypoints_w[-1], [2.0 - 0.5 * np.cos(0.5), -0.5 * np.sin(0.5)], atol=1e-9)
 
 
+def test_without_room_for_a_nudge_the_ladder_goes_on() -> None:
+    state = navigator.begin((10.0, 0.0), 0.5, FOOTPRINT, (0.0, 0.0))
+    world = DiscWorld.of([(2.72, 0.0, 0.2), (1.28, 0.0, 0.2)])  # close before and behind the rover
+    for n in range(21):
+        pose = (2.0, 0.1 * n - 2.0, np.pi / 2)  # it came from the side and turned
+        state, _ = navigator.step(state, look(world, np.array(pose), n, None), pose_at(*pose), float(n))
+    turned = pose_at(2.0, 0.0, 0.0)
+    state, _ = navigator.step(state, look(world, np.array([2.0, 0.0, 0.0]), 22.0, None), turned, 22.0)
+    state, first = navigator.step(navigator.note_trouble(state, turned), None, turned, 40.0)
+    state, second = navigator.step(navigator.note_trouble(state, turned), None, turned, 42.0)
+    assert first.kind == "back_up"  # along the way in, with a turn
+    assert second.kind != "back_up"
+
+
 def test_a_turn_in_vain_makes_no_place_of_trouble_ahead() -> None:
-    state = navigator.begin((0.0, 10.0), 0.5, FOOTPRINT, (0.0, 0.0))  # to the left: it begins with a turn
+    state = navigator.begin((-10.0, 0.0), 0.5, FOOTPRINT, (0.0, 0.0))  # behind it: it begins with a turn
     here = pose_at(0.0, 0.0, 0.0)
     state, decision = navigator.step(state, look(DiscWorld.of([]), np.zeros(3), 0.0, None), here, 0.0)
     assert decision.kind == "drive"
     assert not len(navigator.note_trouble(state, here).avoid_w)
-    for y in (0.0, 2.0):
-        assert len(navigator.note_trouble(state, pose_at(0.0, y, np.pi / 2)).avoid_w) == 1
+    for x in (0.0, -2.0):
+        assert len(navigator.note_trouble(state, pose_at(x, 0.0, np.pi)).avoid_w) == 1
 
 
 def test_only_the_last_places_of_trouble_are_avoided_and_none_for_a_manoeuvre() -> None:
@@ -109,6 +126,23 @@ def test_only_the_last_places_of_trouble_are_avoided_and_none_for_a_manoeuvre() 
     state, decision = navigator.step(state, None, pose_at(5.0, 0.0, 0.0), 1.0)
     assert decision.kind in {"back_up", "look"}
     assert len(navigator.note_trouble(state, pose_at(5.0, 0.0, 0.0)).avoid_w) == navigator.MOST_AVOIDED
+
+
+@pytest.mark.parametrize(
+    ("speed_m_s", "tilt_rad", "goes_on"), [(0.25, 0.2, True), (0.1, 0.2, False), (0.25, 0.6, False)]
+)
+def test_a_stop_of_a_rover_that_gets_on_is_no_trouble(speed_m_s: float, tilt_rad: float, *, goes_on: bool) -> None:
+    state = navigator.begin((10.0, 0.0), 0.5, FOOTPRINT, (0.0, 0.0))
+    for n in range(9):  # two looks a second
+        pose = (0.5 * n * speed_m_s, 0.0, 0.0)
+        seen = look(DiscWorld.of([]), np.array(pose), 0.5 * n, None)
+        state, _ = navigator.step(state, seen, pose_at(*pose, 0.5 * n), 0.5 * n)
+    x, time_s = speed_m_s * 4.2, 4.2
+    leaning = Pose(np.array([x, 0.0, 0.165]), quaternion_from_euler(0.0, -tilt_rad, 0.0))
+    stopped = replace(pose_at(x, 0.0, 0.0, time_s), pose=leaning)
+    _, decision = navigator.step(navigator.note_trouble(state, stopped), None, stopped, time_s)
+    assert (decision.kind == "drive") is goes_on
+    assert len(navigator.note_trouble(state, stopped).avoid_w) == (not goes_on)
 
 
 @given(st.floats(-4.0, 9.0), st.floats(-3.0, 2.0))
