@@ -7,7 +7,8 @@ from dataclasses import replace
 
 import pytest
 
-from rover_sim.hil.px4_lockstep import LATE_S, SILENT_S, WAIT_S
+from rover_sim.hil.px4_lockstep import LATE_S, SILENT_S, WAIT_S, Lockstep
+from rover_sim.hil.px4_messages import Controls
 from rover_sim.hil.px4_peer import Px4Peer
 from rover_sim.mavlink.geodesy import LocalFrame
 from rover_sim.sim.ned_state import NedState
@@ -24,6 +25,10 @@ STEPS_PER_S = 250
 def standing(step: int) -> NedState:
     """A rover that stands level, facing north."""
     return NedState(step / STEPS_PER_S, (0, 0, 0), (0, 0, 0), (1, 0, 0, 0), (0, 0, 0), (0, 0, -9.80665))
+
+
+def controls(time_usec: int, share: float) -> Controls:
+    return Controls(time_usec, (share,) * 16, armed=True, lockstep=True)
 
 
 class Rig:
@@ -116,6 +121,19 @@ def test_a_px4_that_hangs_for_a_moment_is_caught_up_with() -> None:
     rig.run(1.0)
     assert rig.peer.lockstep.slip.late == before.late
     assert rig.peer.side_shares == (0.5, 0.5)
+
+
+def test_a_second_message_for_one_step_is_no_late_answer() -> None:
+    """Its outputs may be told in two messages; the newest counts, the step was answered by the first."""
+    lockstep = Lockstep()
+    for step in range(1, 20):
+        lockstep.send(4000 * step)
+        lockstep.hear(controls(4000 * step, 0.1))
+        if step == 10:
+            lockstep.send(4000 * 11)
+            lockstep.hear(controls(4000 * 10, 0.3))
+            assert lockstep.side_shares == (0.3, 0.3)
+    assert (lockstep.slip.late, lockstep.slip.most_steps) == (0, 0)
 
 
 def test_px4_restarts_and_is_served_anew() -> None:

@@ -60,6 +60,8 @@ class Lockstep:
         if not self.keeps_step:
             self._in_step = False
             return
+        if before is not None and before.armed and controls.time_usec == before.time_usec:
+            return  # a second message for one step is no second answer
         self._count(self._steps_since(controls))
         if before is not None and before.armed and controls.time_usec > before.time_usec:
             self._gaps.append(max(1, (controls.time_usec - before.time_usec) // STEP_USEC))
