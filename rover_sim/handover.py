@@ -10,7 +10,7 @@ from typing import Any
 
 from rover_sim import __version__
 from rover_sim.autopilot.modes import MissionState, Mode
-from rover_sim.handover_plans import HandoverPlan
+from rover_sim.handover_plans import HandoverPlan, Spot
 from rover_sim.mavlink.commander import CommandState, PendingCommand
 from rover_sim.mavlink.foreign_companion import ForeignCompanion
 from rover_sim.mavlink.geodesy import DEGREES_E7, GeoPoint, LocalFrame
@@ -58,9 +58,21 @@ class Ending:
 class Handover:
     """Brings one plan to one vehicle; the time of each step is passed in."""
 
-    def __init__(self, companion: ForeignCompanion, plan: HandoverPlan, *, start: bool, limit_s: float) -> None:
-        """``start``: arm and drive too; ``limit_s``: of the drive, after which the vehicle is told to hold."""
+    def __init__(
+        self,
+        companion: ForeignCompanion,
+        plan: HandoverPlan,
+        *,
+        start: bool,
+        limit_s: float,
+        plan_at: Callable[[Spot], HandoverPlan] | None = None,
+    ) -> None:
+        """``start``: arm and drive too; ``limit_s``: of the drive, after which the vehicle is told to hold.
+
+        ``plan_at``: makes the plan that takes the place of ``plan`` where the vehicle says that it stands and looks.
+        """
         self.plan, self.companion = plan, companion
+        self._plan_at = plan_at
         self.time_s = 0.0
         self.begun_s: float | None = None  # when the vehicle was seen to drive it
         self._start, self._limit_s = start, limit_s
@@ -82,7 +94,7 @@ class Handover:
             left = self._left_m()
             way = "" if left is None else f", {left:.1f} m to the end"
             return f"item {status.current} of {len(self.plan.items) - 1}{way}"
-        if self._start and companion.waits_for:
+        if (self._start or self._plan_at is not None) and companion.waits_for:
             return f"waiting for {companion.waits_for}"
         return "uploading and reading back" if self._uploading() else "starting"
 
@@ -109,13 +121,16 @@ class Handover:
         return ending
 
     def _prepare(self) -> Ending | None:
-        """Only a vehicle that knows its place can be told whether the way begins near it."""
+        """Only a vehicle that knows its place can be told whether the way begins near it, or where it begins."""
+        if (self._start or self._plan_at is not None) and not self._is_ready():
+            return None
+        if self._plan_at is not None:
+            place, heading_deg = self.companion.status.place, self.companion.status.heading_deg
+            if place is None or heading_deg is None:
+                return Ending(HandoverEnd.NOT_READY, "it does not tell where it stands and looks (GLOBAL_POSITION_INT)")
+            self.plan = self._plan_at(Spot(place.latitude_deg, place.longitude_deg, heading_deg))
         if not self._start:
             self._upload, self._next = self.companion.upload(self.plan.items, self.time_s), self._bring
-            return None
-        if self._ready is None:
-            self._ready = self.companion.get_ready()
-        if self._ready.state is not CommandState.DONE:
             return None
         far_m = self._distance_m(self.plan.places[0])
         if far_m is not None and far_m > FAR_M:
@@ -123,6 +138,11 @@ class Handover:
         self._was_armed = self.companion.status.armed
         self._upload, self._next = self.companion.drive(self.plan.items, self.time_s), self._bring
         return None
+
+    def _is_ready(self) -> bool:
+        if self._ready is None:
+            self._ready = self.companion.get_ready()
+        return self._ready.state is CommandState.DONE
 
     def _bring(self) -> Ending | None:
         """Until the mission is on board, and is driven if that is wanted."""

@@ -60,8 +60,21 @@ def plan_of_run(folder: Path) -> HandoverPlan:
     return plan_of_file(found[0])
 
 
-def plan_of_picture(path: Path, number: int | None, spot: Spot, speed_m_s: float | None) -> HandoverPlan:
-    """One of the paths that ``perceive`` found, for a rover that stands at ``spot``.
+@dataclass(frozen=True, eq=False)
+class SeenWay:
+    """A way as it is seen from the rover, to be laid on Earth once it is known where that stands."""
+
+    points_b: FloatArray  # (N, 2) ahead, to the left
+    speed_m_s: float
+    source: str
+
+    def at(self, spot: Spot) -> HandoverPlan:
+        """The mission of a rover that stands at ``spot``."""
+        return placed(self.points_b, spot, self.speed_m_s, self.source)
+
+
+def way_of_picture(path: Path, number: int | None, speed_m_s: float | None) -> SeenWay:
+    """One of the paths that ``perceive`` found.
 
     Without a number it is the best one that was verified, if any was driven, or the most traversable one.
     """
@@ -79,7 +92,9 @@ def plan_of_picture(path: Path, number: int | None, spot: Spot, speed_m_s: float
         raise InputError(f"{path}: waypoints[{chosen}] has no {error}; {hint}") from error
     except (TypeError, ValueError) as error:
         raise InputError(f"{path}: waypoints[{chosen}]: {error}; allowed: what perceive writes") from error
-    return placed(points, spot, speed_m_s or risky_speed(1.0 - traversability), f"{path}, path {chosen}")
+    if not len(points):
+        raise InputError(f"{path}: waypoints[{chosen}] has no points")
+    return SeenWay(points, speed_m_s or risky_speed(1.0 - traversability), f"{path}, path {chosen}")
 
 
 def placed(points_b: FloatArray, spot: Spot, speed_m_s: float, source: str) -> HandoverPlan:

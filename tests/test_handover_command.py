@@ -152,6 +152,19 @@ def test_a_path_in_a_picture_is_laid_from_where_the_rover_stands_and_looks(tmp_p
     assert to_world(place, 47.0, 8.5) == pytest.approx((0.0, -3.0), abs=0.02)
 
 
+def test_a_path_in_a_picture_is_laid_from_where_the_vehicle_says_that_it_stands(tmp_path: Path) -> None:
+    view, out = picture(tmp_path, PATH), tmp_path / "out"
+    with live("ardupilot") as (rover, url):
+        rover.locked(lambda: vars(rover.rover).update(x_m=7.0, y_m=-3.0, yaw_rad=math.pi / 2.0))  # looks north
+        command = ["handover", "--picture", str(view), "--at", "vehicle", "--autopilot", url, "--out", str(out)]
+        assert main(command) == 0
+        x_m, y_m = to_world(rover.vehicle.store.items[-1], Origin().latitude_deg, Origin().longitude_deg)
+        assert (x_m, y_m) == pytest.approx((6.0, 1.0), abs=0.1)  # 4 m ahead, 1 m to the left
+        assert main([*command, "--heading", "90"]) == 0
+        x_m, y_m = to_world(rover.vehicle.store.items[-1], Origin().latitude_deg, Origin().longitude_deg)
+        assert (x_m, y_m) == pytest.approx((11.0, -2.0), abs=0.1)
+
+
 def test_of_verified_paths_the_best_is_taken_and_of_unverified_ones_none(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -198,6 +211,8 @@ def test_the_last_mission_of_a_run(tmp_path: Path) -> None:
         (["--mission", "HOME", "--to-file", "x.plan"], "no waypoint after home"),
         (["--mission", "MISSION", "--autopilot", "nonsense"], "unknown kind"),
         (["--picture", "VIEW", "--to-file", "x.plan"], "needs --at LAT,LON"),
+        (["--picture", "VIEW", "--at", "vehicle", "--to-file", "x.plan"], "with --autopilot URL and without --to-file"),
+        (["demo", "--at", "vehicle", "--to-file", "x.plan"], "--at vehicle: allowed: with --picture"),
         (["--picture", "VIEW", "--at", "1,2", "--path", "7", "--to-file", "x.plan"], "has 1 paths; allowed: 0 to 0"),
         (["--picture", "BARE", "--at", "1,2", "--to-file", "x.plan"], "run perceive with --camera FILE"),
         (["--picture", "EMPTY", "--at", "1,2", "--to-file", "x.plan"], "no path was found"),

@@ -7,6 +7,7 @@ import math
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,8 +18,11 @@ if TYPE_CHECKING:
     from rover_sim.handover import Ending, Handover
     from rover_sim.handover_plans import HandoverPlan, Spot
 
+    PlanAt = Callable[[Spot], HandoverPlan]
+
 TLOG, SUMMARY = "telemetry.tlog", "summary.json"
 _TICK_S = 0.02
+_VEHICLE = "vehicle"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -31,9 +35,17 @@ def configure(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--path", type=_number, metavar="N", help="which path of the picture (default: the best)")
     parser.add_argument(
-        "--at", type=_place, metavar="LAT,LON", help="where the rover stands, degrees; of a scenario: its start"
+        "--at",
+        type=_place,
+        metavar="LAT,LON",
+        help="where the rover stands, degrees; of a scenario: its start; `vehicle`: where the autopilot says",
     )
-    parser.add_argument("--heading", type=_heading, metavar="DEG", help="where it looks, compass (default: north)")
+    parser.add_argument(
+        "--heading",
+        type=_heading,
+        metavar="DEG",
+        help="where it looks, compass (default: north; vehicle: as it says)",
+    )
     parser.add_argument("--seed", type=seed, default=0, help="of the scenario's world, 0 to 2^32 - 1 (default: 0)")
     parser.add_argument("--speed", type=_speed, metavar="M/S", help="of a picture's or scenario's plan")
     parser.add_argument("--autopilot", metavar="URL", help="upload to the autopilot on this link and read back")
@@ -52,17 +64,20 @@ def execute(args: argparse.Namespace) -> int:
         raise InputError("nothing to do; allowed: --autopilot URL, --to-file FILE or both")
     if args.arm_and_start and args.autopilot is None:
         raise InputError("--arm-and-start: needs --autopilot URL")
-    plan = _plan(args)
+    plan, plan_at = _plan(args)
     if args.to_file is not None:
         from rover_sim.handover_plans import write_mission_file
 
         write_mission_file(args.to_file, plan.items)
         print(f"{args.to_file}: {len(plan.places)} waypoints of {plan.source}")  # noqa: T201 - what the command leaves
-    return 0 if args.autopilot is None else _to_autopilot(args, plan)
+    return 0 if args.autopilot is None else _to_autopilot(args, plan, plan_at)
 
 
-def _plan(args: argparse.Namespace) -> HandoverPlan:
-    """The one plan that was asked for; raises InputError for none, or more than one."""
+def _plan(args: argparse.Namespace) -> tuple[HandoverPlan, PlanAt | None]:
+    """The one plan that was asked for, and how it is made once the vehicle says where it stands.
+
+    Raises InputError for no plan, or more than one.
+    """
     given = [name for name in ("scenario", "run", "mission", "picture") if getattr(args, name) is not None]
     if len(given) != 1:
         raise InputError(f"{len(given)} plans given; allowed: one of SCENARIO, --run, --mission, --picture")
@@ -71,25 +86,37 @@ def _plan(args: argparse.Namespace) -> HandoverPlan:
             raise InputError(f"--{option}: allowed: with {' or '.join(needs)}; a mission has its own")
     if args.heading is not None and args.at is None:
         raise InputError("--heading: allowed: with --at")
-    from rover_sim.handover_plans import plan_of_file, plan_of_picture, plan_of_run
+    from rover_sim.handover_plans import plan_of_file, plan_of_run
 
     if args.run is not None:
-        return plan_of_run(args.run)
+        return plan_of_run(args.run), None
     if args.mission is not None:
-        return plan_of_file(args.mission)
-    spot = _spot(args)
-    if args.picture is None:
-        return _scenario_plan(args, spot)
-    if spot is None:
-        raise InputError("--picture: needs --at LAT,LON, and --heading DEG unless the rover looks north")
-    return plan_of_picture(args.picture, args.path, spot, args.speed)
+        return plan_of_file(args.mission), None
+    if args.picture is not None:
+        return _picture_plan(args)
+    if args.at == _VEHICLE:
+        raise InputError("--at vehicle: allowed: with --picture; a scenario is planned before")
+    return _scenario_plan(args, None if args.at is None else _spot(args)), None
 
 
-def _spot(args: argparse.Namespace) -> Spot | None:
-    from rover_sim.handover_plans import Spot
+def _picture_plan(args: argparse.Namespace) -> tuple[HandoverPlan, PlanAt | None]:
+    from rover_sim.handover_plans import Spot, way_of_picture
 
     if args.at is None:
-        return None
+        raise InputError("--picture: needs --at LAT,LON, and --heading DEG unless the rover looks north")
+    way = way_of_picture(args.picture, args.path, args.speed)
+    if args.at != _VEHICLE:
+        return way.at(_spot(args)), None
+    if args.autopilot is None or args.to_file is not None:
+        raise InputError("--at vehicle: allowed: with --autopilot URL and without --to-file")
+    turned = args.heading
+    # Until the vehicle says where it is, the plan lies nowhere in particular: only its length is of use.
+    return way.at(Spot(0.0, 0.0)), lambda spot: way.at(spot if turned is None else replace(spot, heading_deg=turned))
+
+
+def _spot(args: argparse.Namespace) -> Spot:
+    from rover_sim.handover_plans import Spot
+
     latitude_deg, longitude_deg = args.at
     return Spot(latitude_deg, longitude_deg, args.heading or 0.0)
 
@@ -104,7 +131,7 @@ def _scenario_plan(args: argparse.Namespace, spot: Spot | None) -> HandoverPlan:
     )
 
 
-def _to_autopilot(args: argparse.Namespace, plan: HandoverPlan) -> int:
+def _to_autopilot(args: argparse.Namespace, plan: HandoverPlan, plan_at: PlanAt | None) -> int:
     from rover_sim.files import output_folder, write_json
     from rover_sim.handover import Handover, summary
     from rover_sim.mavlink.endpoint import Link
@@ -127,7 +154,7 @@ def _to_autopilot(args: argparse.Namespace, plan: HandoverPlan) -> int:
         closing.callback(signing.close)
         patience = Patience(vehicle_s=args.wait, ready_s=args.ready)
         companion = ForeignCompanion(Link(transport, {}), Link(log, {}), patience, signing)
-        handover = Handover(companion, plan, start=args.arm_and_start, limit_s=args.limit)
+        handover = Handover(companion, plan, start=args.arm_and_start, limit_s=args.limit, plan_at=plan_at)
         with stop_flag() as stopped, _display() as show:
             ending = _until_the_end(handover, stopped, show)
         write_json(folder / SUMMARY, summary(handover, ending, args.autopilot))
@@ -181,13 +208,15 @@ def _display() -> Iterator[Callable[[str], None]]:
         yield show
 
 
-def _place(text: str) -> tuple[float, float]:
+def _place(text: str) -> tuple[float, float] | str:
+    if text == _VEHICLE:
+        return text
     try:
         latitude, longitude = (float(part) for part in text.split(","))
     except ValueError:
         latitude = longitude = math.nan
     if not (-89.0 <= latitude <= 89.0 and -180.0 <= longitude <= 180.0):
-        raise argparse.ArgumentTypeError(f"{text!r} is not LAT,LON in degrees: -89 to 89, -180 to 180")
+        raise argparse.ArgumentTypeError(f"{text!r} is not LAT,LON in degrees (-89 to 89, -180 to 180) or `vehicle`")
     return latitude, longitude
 
 
