@@ -1,11 +1,12 @@
 """Where the rover believes it is: an extended Kalman filter over compass, gyroscope, wheel encoders and GNSS.
 
-State ``(x, y, z, yaw, gyro bias, speed factor, slide east, slide north)``: the speed factor is true over wheel speed,
-so one minus it is the mean slip; it wanders and returns to what the soil usually gives. The slide is what the body
-moves beside that, downhill across a slope and while it turns on the spot, over the travel of its wheels. Roll and pitch
-come from a complementary filter of gyroscope and accelerometer. Without GNSS it is dead reckoning, and the standard
-deviations grow. Method: Thrun, Burgard, Fox, "Probabilistic Robotics" (2005), section 3.3; Mahony et al., IEEE TAC
-53(5), 2008.
+State ``(x, y, z, yaw, gyro bias, speed factor, slide east, slide north, compass error, lean x, lean y)``: the
+speed factor is true over wheel speed, so one minus it is the mean slip; it wanders and returns to what the soil usually
+gives. The slide is what the body moves beside that, downhill across a slope and while it turns on the spot, over the
+travel of its wheels. Roll and pitch come from a complementary filter of gyroscope and accelerometer; the lean is what
+they miss, about the level axes ahead and to the left. Without GNSS it is dead reckoning, and the standard deviations
+grow, unless rocks are watched (`planner.landmarks`). Method: Thrun, Burgard, Fox, "Probabilistic Robotics" (2005),
+section 3.3; Mahony et al., IEEE TAC 53(5), 2008.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from math import atan2, cos, exp, hypot, sin, sqrt, tan
 
 import numpy as np
 
-from planner.localization_kernels import BIAS, FACTOR, SLIDE_X, SLIDE_Y, STATES, YAW, advance
+from planner.localization_kernels import BIAS, COMPASS, FACTOR, SLIDE_X, SLIDE_Y, STATES, YAW, Z, advance
 from planner.mobility import body_motion
 from worlds.geometry import quaternion_from_euler, rotation_from_quaternion, wrap_angle
 from worlds.types import (
@@ -53,6 +54,40 @@ class SensorModel:
     tilt_time_s: float = 3.0  # the accelerometer corrects roll and pitch so slowly
     normal_distance_m: float = 8.0  # wheel travel over which the ground's normal is averaged
     first_normal_m: float = 1.0  # wheel travel that the first guess of the normal is worth
+    compass_sd_rad: float = 0.0  # of an error that stays; 0: heading_sd_rad covers it
+    lean_sd_rad: float = 0.0  # of what the attitude misses; 0: nobody asks
+    lean_time_s: float = 3.0
+    scale_sd: float = 0.0  # of the share that all distances seen by the cameras are off
+
+
+def model_without_satellites(gravity_m_s2: float) -> SensorModel:
+    """For landmarks: what the sensors' own noise is, and what stays off for a whole drive apart from it."""
+    return SensorModel(
+        gravity_m_s2=gravity_m_s2,
+        heading_sd_rad=0.012,
+        heading_correlation_s=0.02,
+        gyro_sd_rad_s=0.002,
+        compass_sd_rad=0.009,
+        lean_sd_rad=0.009,
+        scale_sd=0.004,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Carried:
+    """What the readings since a start did to the state, so that what hung on it then can be brought up to date.
+
+    Compressed extended Kalman filter: Guivant and Nebot, IEEE Trans. Robotics and Automation 17(3), 2001, section III.
+    """
+
+    passed: FloatArray  # (11, 11) what became of an error of the state
+    learned: FloatArray  # (11, 11) information about the state at the start
+    pulled: FloatArray  # (11,) the same times the innovations
+
+
+def nothing_carried() -> Carried:
+    """Of no readings."""
+    return Carried(np.eye(STATES), np.zeros((STATES, STATES)), np.zeros(STATES))
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,8 +95,8 @@ class LocalizationState:
     """All that the filter remembers."""
 
     time_s: float
-    mean: FloatArray  # (8,)
-    covariance: FloatArray  # (8, 8)
+    mean: FloatArray  # (11,)
+    covariance: FloatArray  # (11, 11)
     roll_rad: float
     pitch_rad: float
     speed_m_s: float  # along body x, after slip, without the slide
@@ -69,23 +104,42 @@ class LocalizationState:
     normal_w: FloatArray = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))  # (3,) smoothed ground normal
     travel_m: float = 0.0  # of the wheels, turning on the spot included
     slide_m_s_w: FloatArray = field(default_factory=lambda: np.zeros(2))  # (2,)
+    carried: Carried = field(default_factory=nothing_carried)
+    by_scale: FloatArray = field(default_factory=lambda: np.zeros(STATES))  # (11,) by the share seen distances are off
+    scale_sd: float = 0.0
+
+    @property
+    def place_covariance(self) -> FloatArray:
+        """Covariance (3, 3) of the place, m^2: by chance, and by distances that are all off alike."""
+        by_scale = self.scale_sd * (self.carried.passed @ self.by_scale)[: Z + 1]
+        return np.asarray(self.covariance[: Z + 1, : Z + 1] + np.outer(by_scale, by_scale))
 
 
 def start(
-    readings: SensorReadings, position_w: Vector3, position_sd_m: float = 0.05, model: SensorModel | None = None
+    readings: SensorReadings,
+    position_w: Vector3,
+    position_sd_m: float = 0.05,
+    model: SensorModel | None = None,
+    heading: tuple[float, float] | None = None,
 ) -> LocalizationState:
-    """State of a rover that stands still at a known place; heading and tilt come from ``readings``."""
+    """State of a rover that stands still at a known place; tilt comes from ``readings``.
+
+    So does the heading, unless ``heading`` (rad, and one sigma) is known as well.
+    """
     model = model or SensorModel()
     if readings.imu is None or readings.imu.heading_rad is None:
         raise ValueError("a rover cannot start without inertial unit and compass")
-    heading = readings.imu.heading_rad
+    yaw, yaw_sd = heading or (readings.imu.heading_rad, model.heading_sd_rad)
     roll, pitch = _tilt(readings.imu.acceleration_b)
-    mean = np.array([*position_w, heading, 0.0, model.usual_factor, 0.0, 0.0])
+    mean = np.array([*position_w, yaw, 0.0, model.usual_factor, *(0.0,) * 5])
     slide_sd = model.slide_sd * float(np.sin(np.hypot(roll, pitch)))
-    sd = np.array([*(position_sd_m,) * 3, model.heading_sd_rad, 0.01, model.factor_sd, slide_sd, slide_sd])
+    unseen = model.compass_sd_rad, model.lean_sd_rad, model.lean_sd_rad
+    sd = np.array([*(position_sd_m,) * 3, yaw_sd, 0.01, model.factor_sd, slide_sd, slide_sd, *unseen])
     # One place tells the general slope no better than "level" does: half of each.
-    normal = rotation_from_quaternion(quaternion_from_euler(roll / 2, pitch / 2, heading))[:, 2]
-    return LocalizationState(readings.time_s, mean, np.diag(sd**2), roll, pitch, 0.0, 0.0, normal)
+    normal = rotation_from_quaternion(quaternion_from_euler(roll / 2, pitch / 2, yaw))[:, 2]
+    return LocalizationState(
+        readings.time_s, mean, np.diag(sd**2), roll, pitch, 0.0, 0.0, normal, scale_sd=model.scale_sd
+    )
 
 
 def localize(
@@ -102,17 +156,24 @@ def localize(
     rim_speed = _rim_speed(readings, footprint)
     travelled = rim_speed * step
     mean, covariance = state.mean.copy(), state.covariance.copy()
-    kept = exp(-step / model.factor_time_s), exp(-travelled / model.slide_distance_m)
+    kept = (
+        exp(-step / model.factor_time_s),
+        exp(-travelled / model.slide_distance_m),
+        exp(-step / model.lean_time_s),
+    )
+    before = state.carried
+    carried = Carried(before.passed.copy(), before.learned.copy(), before.pulled.copy())
     advance(
         mean,
         covariance,
+        (carried.passed, carried.learned, carried.pulled),
         (step, wheel_speed * step, travelled, yaw_rate, pitch),
         (model.usual_factor, *kept, 0.0 if compass is None else compass),
         _noise(model, step, wheel_speed, kept, hypot(roll, pitch), silent=compass is None),
     )
     if readings.gnss is not None:
         wheels = wheel_speed, rim_speed
-        mean, covariance = _correct_gnss(mean, covariance, readings.gnss, wheels, pitch, model)
+        mean, covariance, carried = _correct_gnss((mean, covariance, carried), readings.gnss, wheels, pitch, model)
     return LocalizationState(
         readings.time_s,
         mean,
@@ -123,7 +184,10 @@ def localize(
         yaw_rate,
         _smoothed_normal(state, (roll, pitch, float(mean[YAW])), travelled, model),
         state.travel_m + travelled,
-        rim_speed * mean[SLIDE_X:],
+        rim_speed * mean[SLIDE_X:COMPASS],
+        carried,
+        state.by_scale,
+        state.scale_sd,
     )
 
 
@@ -131,7 +195,7 @@ def estimate(state: LocalizationState) -> PoseEstimate:
     """The believed pose and motion."""
     yaw = float(state.mean[YAW])
     pose = Pose(state.mean[:3].copy(), quaternion_from_euler(state.roll_rad, state.pitch_rad, yaw))
-    (xx, xy), (_, yy) = state.covariance[:2, :2].tolist()
+    (xx, xy), (_, yy) = state.place_covariance[:2, :2].tolist()
     widest = (xx + yy) / 2 + hypot((xx - yy) / 2, xy)  # the larger eigenvalue
     velocity = state.speed_m_s * _forward(yaw, state.pitch_rad)
     velocity[:2] += state.slide_m_s_w
@@ -153,12 +217,12 @@ def _noise(
     model: SensorModel,
     step: float,
     wheel_speed: float,
-    kept: tuple[float, float],
+    kept: tuple[float, float, float],
     lean_rad: float,
     *,
     silent: bool,
 ) -> tuple[float, ...]:
-    """Variances that a step adds to place, heading, bias, factor and slide, and that of the heading read after it.
+    """Variances that a step adds to place, heading, bias, factor, slide and lean, and that of the heading read after.
 
     ``silent``: no heading is read.
     """
@@ -168,6 +232,7 @@ def _noise(
         model.bias_walk**2 * step,
         model.factor_sd**2 * (1 - kept[0] ** 2),
         (model.slide_sd * sin(lean_rad)) ** 2 * (1 - kept[1] ** 2),
+        model.lean_sd_rad**2 * (1 - kept[2] ** 2),
         # Readings inside one correlation time carry one reading's worth of news.
         _NO_NEWS if silent else model.heading_sd_rad**2 * max(1.0, model.heading_correlation_s / step),
     )
@@ -201,14 +266,14 @@ def _forward(yaw: float, pitch: float) -> FloatArray:
 
 
 def _correct_gnss(
-    mean: FloatArray,
-    covariance: FloatArray,
+    belief: tuple[FloatArray, FloatArray, Carried],
     gnss: GnssReading,
     wheels_m_s: tuple[float, float],
     pitch: float,
     model: SensorModel,
-) -> tuple[FloatArray, FloatArray]:
+) -> tuple[FloatArray, FloatArray, Carried]:
     """``wheels_m_s``: speed of the body that the wheels tell, and mean speed of the rims."""
+    mean = belief[0]
     wheel_speed, rim_speed = wheels_m_s
     direction = _forward(mean[YAW], pitch)
     rows = np.zeros((5, STATES))
@@ -216,25 +281,33 @@ def _correct_gnss(
     rows[3, SLIDE_X] = rows[4, SLIDE_Y] = rim_speed
     rows[3:, FACTOR] = wheel_speed * direction[:2]
     rows[3:, YAW] = mean[FACTOR] * wheel_speed * np.array([-direction[1], direction[0]])
-    expected = np.concatenate([mean[:3], mean[FACTOR] * wheel_speed * direction[:2] + rim_speed * mean[SLIDE_X:]])
+    slide = rim_speed * mean[SLIDE_X:COMPASS]
+    expected = np.concatenate([mean[:3], mean[FACTOR] * wheel_speed * direction[:2] + slide])
     measured = np.array([*gnss.position_w, *gnss.velocity_w[:2]])
     place = gnss.position_sd_m**2
     # Sideways drift is no error of the heading: it widens what the velocity may say.
     velocity = model.gnss_velocity_sd_m_s**2 + (2.0 * model.side_slip_sd * wheel_speed) ** 2
     noise = np.diag([place, place, place * model.gnss_vertical_ratio**2, velocity, velocity])
-    return _update(mean, covariance, rows, measured - expected, noise)
+    return _update(belief, rows, measured - expected, noise)
 
 
 def _update(
-    mean: FloatArray, covariance: FloatArray, rows: FloatArray, innovation: FloatArray, noise: FloatArray
-) -> tuple[FloatArray, FloatArray]:
+    belief: tuple[FloatArray, FloatArray, Carried], rows: FloatArray, innovation: FloatArray, noise: FloatArray
+) -> tuple[FloatArray, FloatArray, Carried]:
     """Kalman correction in Joseph's form, which keeps the covariance positive."""
-    gain = np.linalg.solve(rows @ covariance @ rows.T + noise, rows @ covariance).T
+    mean, covariance, carried = belief
+    spread = rows @ covariance @ rows.T + noise
+    gain = np.linalg.solve(spread, rows @ covariance).T
     kept = np.eye(STATES) - gain @ rows
     corrected = mean + gain @ innovation
     corrected[YAW] = wrap_angle(float(corrected[YAW]))
     corrected[FACTOR] = np.clip(corrected[FACTOR], -0.5, 1.5)
-    return corrected, kept @ covariance @ kept.T + gain @ noise @ gain.T
+    seen = rows @ carried.passed
+    told = np.linalg.solve(spread, np.column_stack([seen, innovation]))
+    carried = Carried(
+        kept @ carried.passed, carried.learned + seen.T @ told[:, :-1], carried.pulled + seen.T @ told[:, -1]
+    )
+    return corrected, kept @ covariance @ kept.T + gain @ noise @ gain.T, carried
 
 
 def _smoothed_normal(

@@ -7,13 +7,13 @@ from numba import njit
 
 from worlds.types import FloatArray
 
-X, Y, Z, YAW, BIAS, FACTOR, SLIDE_X, SLIDE_Y = range(8)
-STATES = 8
+X, Y, Z, YAW, BIAS, FACTOR, SLIDE_X, SLIDE_Y, COMPASS, LEAN_X, LEAN_Y = range(11)
+STATES = 11
 
 
 @njit(cache=True)
 def _spread(covariance: FloatArray, transition: FloatArray, half: FloatArray) -> None:
-    """What a covariance becomes when its quantities go through a linear map; ``half`` (8, 8) is scratch."""
+    """What a covariance becomes when its quantities go through a linear map; ``half`` (11, 11) is scratch."""
     for i in range(STATES):
         for j in range(STATES):
             half[i, j] = 0.0
@@ -27,39 +27,73 @@ def _spread(covariance: FloatArray, transition: FloatArray, half: FloatArray) ->
 
 
 @njit(cache=True)
-def _read_heading(mean: FloatArray, covariance: FloatArray, heading: float, variance: float, half: FloatArray) -> None:
+def _read_heading(
+    mean: FloatArray,
+    covariance: FloatArray,
+    carried: tuple[FloatArray, FloatArray, FloatArray],
+    heading: float,
+    variance: float,
+    half: FloatArray,
+) -> None:
     """Correct the belief by one heading, in Joseph's form, which keeps the covariance positive."""
-    gain = covariance[:, YAW] / (covariance[YAW, YAW] + variance)
-    off = (heading - mean[YAW] + np.pi) % (2.0 * np.pi) - np.pi
+    passed, learned, pulled = carried
+    read = covariance[:, YAW] + covariance[:, COMPASS]
+    spread = read[YAW] + read[COMPASS] + variance
+    gain = read / spread
+    off = (heading - mean[YAW] - mean[COMPASS] + np.pi) % (2.0 * np.pi) - np.pi
     for i in range(STATES):
         for j in range(STATES):
-            half[i, j] = covariance[i, j] - gain[i] * covariance[YAW, j]
+            half[i, j] = covariance[i, j] - gain[i] * (covariance[YAW, j] + covariance[COMPASS, j])
     for i in range(STATES):
         mean[i] += gain[i] * off
+        told = half[i, YAW] + half[i, COMPASS]
         for j in range(STATES):
-            covariance[i, j] = half[i, j] - half[i, YAW] * gain[j] + gain[i] * variance * gain[j]
+            covariance[i, j] = half[i, j] - told * gain[j] + gain[i] * variance * gain[j]
+    seen = passed[YAW] + passed[COMPASS]
+    for i in range(STATES):
+        pulled[i] += seen[i] * off / spread
+        for j in range(STATES):
+            learned[i, j] += seen[i] * seen[j] / spread
+            passed[i, j] -= gain[i] * seen[j]
     mean[YAW] = (mean[YAW] + np.pi) % (2.0 * np.pi) - np.pi
     mean[FACTOR] = min(max(mean[FACTOR], -0.5), 1.5)
 
 
+@njit(cache=True)
+def _pass(transition: FloatArray, passed: FloatArray, half: FloatArray) -> None:
+    """Let ``passed`` go through one more linear map."""
+    for i in range(STATES):
+        for j in range(STATES):
+            half[i, j] = 0.0
+            for k in range(STATES):
+                half[i, j] += transition[i, k] * passed[k, j]
+    passed[:] = half
+
+
 # Compiled at import: a rover must not stand and compile.
-@njit("void(f8[::1], f8[:, ::1], UniTuple(f8, 5), UniTuple(f8, 4), UniTuple(f8, 6))", cache=True)
+@njit(
+    "void(f8[::1], f8[:, ::1], Tuple((f8[:, ::1], f8[:, ::1], f8[::1])), "
+    "UniTuple(f8, 5), UniTuple(f8, 5), UniTuple(f8, 7))",
+    cache=True,
+)
 def advance(
     mean: FloatArray,
     covariance: FloatArray,
+    carried: tuple[FloatArray, FloatArray, FloatArray],
     motion: tuple[float, float, float, float, float],
-    target: tuple[float, float, float, float],
+    target: tuple[float, float, float, float, float],
     noise: tuple[float, ...],
 ) -> None:
     """Move the belief on by one step of the wheels and correct it by the heading read then, in place.
 
-    ``mean`` (8,) and ``covariance`` (8, 8) as in `localization`; ``motion``: seconds, way ahead by the wheels and
-    travel of the rims (m), yaw rate (rad/s), pitch (rad); ``target``: the factor to which the speed factor returns,
-    how much of the way there is left, what is kept of the slide, and the heading read (rad); ``noise``: variances
-    added to each coordinate, to heading, bias, factor and slide, and that of the heading read.
+    ``mean`` (11,) and ``covariance`` (11, 11) as in `localization`, ``carried`` as in `localization.Carried`;
+    ``motion``: seconds, way ahead by the wheels and travel of the rims (m), yaw rate (rad/s), pitch (rad); ``target``:
+    the factor to which the speed factor returns, how much of the way there is left, what is kept of the slide and of
+    the lean, and the heading read (rad); ``noise``: variances added to each coordinate, to heading, bias, factor, slide
+    and lean, and that of the heading read.
     """
     step, way, travel, yaw_rate, pitch = motion
-    usual, decay, kept, heading = target
+    usual, decay, kept, leaning, heading = target
     course = mean[YAW] + 0.5 * step * yaw_rate
     ahead = (np.cos(course) * np.cos(pitch), np.sin(course) * np.cos(pitch), -np.sin(pitch))
     # What each quantity takes from another over the step, beside from itself.
@@ -68,10 +102,13 @@ def advance(
     transition[YAW, BIAS], transition[FACTOR, FACTOR] = -step, decay
     transition[X, SLIDE_X] = transition[Y, SLIDE_Y] = travel
     transition[SLIDE_X, SLIDE_X] = transition[SLIDE_Y, SLIDE_Y] = kept
+    transition[LEAN_X, LEAN_X] = transition[LEAN_Y, LEAN_Y] = leaning
     mean[X] += travel * mean[SLIDE_X]
     mean[Y] += travel * mean[SLIDE_Y]
     mean[SLIDE_X] *= kept
     mean[SLIDE_Y] *= kept
+    mean[LEAN_X] *= leaning
+    mean[LEAN_Y] *= leaning
     for axis in range(3):
         mean[axis] += mean[FACTOR] * way * ahead[axis]
         transition[axis, FACTOR] = way * ahead[axis]
@@ -79,11 +116,13 @@ def advance(
     mean[FACTOR] = usual + decay * (mean[FACTOR] - usual)
     half = np.empty((STATES, STATES))
     _spread(covariance, transition, half)
+    _pass(transition, carried[0], half)
     for axis in range(3):
         covariance[axis, axis] += noise[0]
     covariance[YAW, YAW] += noise[1]
     covariance[BIAS, BIAS] += noise[2]
     covariance[FACTOR, FACTOR] += noise[3]
-    covariance[SLIDE_X, SLIDE_X] += noise[4]
-    covariance[SLIDE_Y, SLIDE_Y] += noise[4]
-    _read_heading(mean, covariance, heading, noise[5], half)
+    for axis in range(2):
+        covariance[SLIDE_X + axis, SLIDE_X + axis] += noise[4]
+        covariance[LEAN_X + axis, LEAN_X + axis] += noise[5]
+    _read_heading(mean, covariance, carried, heading, noise[6], half)

@@ -33,7 +33,7 @@ LATELY_S = 1.5  # of looks, over which ...
 GETS_ON_M_S = 0.17  # ... a rover so quick was not stopped by the place
 UPRIGHT_RAD = float(np.deg2rad(25.0))
 START_CLEAR_M = 1.0  # the rover is set down on ground where it has room to turn
-Kind = Literal["drive", "look", "back_up", "arrived", "no_path"]
+Kind = Literal["drive", "look", "back_up", "arrived", "no_path", "lost"]
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 
 from planner import localization
-from planner.localization import SensorModel
+from planner.landmarks import LandmarkMap, watch
+from planner.localization import SensorModel, model_without_satellites
+from planner.relocation import Located, moved
 from rover_sim.autopilot.modes import Severity
 from rover_sim.fault_log import AutopilotKind, FaultLog
 from rover_sim.sim.mobility_events import MobilityLog
@@ -15,19 +17,22 @@ from rover_sim.sim.recorder import TraceRecorder
 from rover_sim.sim.rover_urdf import wheel_names
 from rover_sim.sim.simulation import Simulation
 from rover_sim.sim.vehicle_state import trace_columns
+from worlds.geometry import euler_from_quaternion
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
+    from planner.localization import LocalizationState
     from planner.mobility import Command
     from rover_sim.mavlink.narrator import Narrator
     from rover_sim.sim.rover import RoverModel
-    from worlds.types import GroundPlane, PoseEstimate, SensorReadings, Vector3, World
+    from worlds.types import GroundPlane, Observation, PoseEstimate, SensorReadings, Vector3, World
 
 STEPS_PER_S = 240  # unless an autopilot from outside wants another rate; what is counted in steps goes with it
 CONTROL_STEPS = 5  # sensors, estimate, autopilot and link at 48 Hz
 TRACE_STEPS = 10  # trace and judge at 24 Hz
-SENSOR_STREAM, CAMERA_STREAM, LASER_STREAM, LINK_STREAM = 101, 102, 103, 104  # of the seed
+SENSOR_STREAM, CAMERA_STREAM, LASER_STREAM, LINK_STREAM, SURVEY_STREAM = 101, 102, 103, 104, 106  # of the seed
+SURVEY_SD_M, SURVEY_HEADING_SD_RAD = 0.02, 0.002  # of the start, where no GNSS tells
 
 
 def home(world: World) -> Vector3:
@@ -71,12 +76,26 @@ class DrivenRover:
         self.simulation = Simulation(world, rover, sensor_rng, time_step_s=1.0 / steps_per_s)
         self.faults = FaultLog(world.scenario.event, autopilot)
         self.recorder, self.mobility = TraceRecorder(), MobilityLog(rover, gravity_m_s2)
-        self._wheel_names, self._sensor_model = wheel_names(rover), SensorModel(gravity_m_s2=gravity_m_s2)
-        readings = self.simulation.read_sensors()
+        self._wheel_names, self._camera_b = wheel_names(rover), rover.camera(world.scenario.camera).position_b
+        self.sensor_model, self.located = self._at_rest(world)
+        by_rocks = not world.scenario.sensors.gnss and world.scenario.sensors.stereo
+        self._landmarks = LandmarkMap() if by_rocks else None
+        self.estimate: PoseEstimate = localization.estimate(self.located)
+
+    def _at_rest(self, world: World) -> tuple[SensorModel, LocalizationState]:
+        """The belief at the start: on the home point, with GNSS turned as the compass says, else as surveyed."""
+        readings, gravity = self.simulation.read_sensors(), world.scenario.gravity_m_s2
         x, y, z = home(world)
         place = (x, y, z + self.footprint.wheel_radius_m)
-        self._located = localization.start(readings, place, model=self._sensor_model)
-        self.estimate: PoseEstimate = localization.estimate(self._located)
+        if world.scenario.sensors.gnss:
+            model = SensorModel(gravity_m_s2=gravity)
+            return model, localization.start(readings, place, model=model)
+        model = model_without_satellites(gravity)
+        off = np.random.default_rng([world.seed, SURVEY_STREAM]).standard_normal(4)
+        x, y, z = (np.asarray(place) + SURVEY_SD_M * off[:3]).tolist()
+        heading = euler_from_quaternion(world.start.quaternion_w)[2] + SURVEY_HEADING_SD_RAD * off[3]
+        surveyed = float(heading), SURVEY_HEADING_SD_RAD
+        return model, localization.start(readings, (x, y, z), SURVEY_SD_M, model, surveyed)
 
     def close(self) -> None:
         """End the physics."""
@@ -89,10 +108,20 @@ class DrivenRover:
     def control(self) -> SensorReadings:
         """Sensors, estimate, driver; the readings are for the link."""
         readings = self.simulation.read_sensors()
-        self._located = localization.localize(self._located, readings, self.footprint, self._sensor_model)
-        self.estimate = localization.estimate(self._located)
+        self.located = localization.localize(self.located, readings, self.footprint, self.sensor_model)
+        self.estimate = localization.estimate(self.located)
         self._driver.update(self.simulation.time_s, self.estimate, readings)
         return readings
+
+    def locate(self, observation: Observation) -> Located:
+        """Correct the belief by the rocks of a picture taken now; without a map of landmarks nothing changes."""
+        before = self.estimate
+        if self._landmarks is None:
+            return Located(observation, before)
+        watched = watch(self.located, self._landmarks, observation, before, self._camera_b)
+        self.located, self._landmarks = watched.state, watched.landmarks
+        self.estimate = localization.estimate(self.located)
+        return Located(moved(observation, before, self.estimate), self.estimate, watched.lost)
 
     def watch(self, narrator: Narrator) -> None:
         """Look for mobility events of the true state, and for faults, and have them told."""
@@ -110,9 +139,10 @@ class DrivenRover:
             wheel_command=self._driver.wheel_speed_rad_s,
             estimate_position_w=self.estimate.pose.position_w,
             estimate_quaternion_w=self.estimate.pose.quaternion_w,
+            estimate_covariance_m2=self.located.place_covariance[:2, :2].ravel(),
             **more,
         )
 
     def ground(self) -> GroundPlane:
         """The plane that the rover believes to stand on."""
-        return localization.ground_plane(self._located, self.footprint.wheel_radius_m)
+        return localization.ground_plane(self.located, self.footprint.wheel_radius_m)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,12 +10,14 @@ import numpy as np
 from perception.pipeline import Knowledge, Perception, perceive
 from perception.tall import TallThings, ground_hue, tall_things
 from planner import navigator, route_following
+from planner.lost import Search, search
 from planner.navigator import Decision, NavigatorState
+from planner.relocation import Located
 from planner.route_following import Following
 from planner.terrain_map import RockMemory
 from rover_sim.autopilot.modes import MissionState, Mode, Severity
 from rover_sim.mavlink.geodesy import LocalFrame
-from rover_sim.mavlink.plan_items import CRUISE_M_S, backing_items, risky_speed, way_items
+from rover_sim.mavlink.plan_items import CRUISE_M_S, backing_items, mission_items, risky_speed, way_items
 from rover_sim.mavlink.uploader import Upload, UploadState
 from rover_sim.mavlink.vehicle_control import VehicleControl
 from rover_sim.mavlink.wire import WireItem
@@ -59,6 +61,7 @@ class OnboardComputer:
         self.ways_w: list[FloatArray] = []  # of the drive missions sent
         self.plan = plan if route is None else route_following.aimed(plan, route)
         self.route = route
+        self.search: Search | None = None  # for landmarks, while the rover is lost
         self.stop_text = ""  # of the last fail-safe stop
         self._companion = companion
         self._local = local
@@ -96,8 +99,8 @@ class OnboardComputer:
             return "taken over"
         return "waiting" if self._decision is None else self._decision.kind.replace("_", " ")
 
-    def look(self, frame: Frame, estimate: PoseEstimate, time_s: float) -> Sight:
-        """Perceive, decide, and send what is new."""
+    def look(self, frame: Frame, locate: Callable[[Observation], Located], time_s: float) -> Sight:
+        """Perceive, have the rover located by what was seen, decide, and send what is new."""
         self._seen_s["camera"] = time_s
         tall = None if "laser" in self._eyes_s else self._tall(frame)
         perception = perceive(frame, self._knowledge, None if tall is None else tall.covered)
@@ -106,8 +109,20 @@ class OnboardComputer:
         # the horizon far away may be a rock on a rise.
         met = tall is not None and np.isfinite(tall.scan.ranges_m).any()
         scan = tall.scan if tall is not None and (met or self.plan.memory.laser is not None) else None
-        decision = self._decide(estimate, time_s, perception.observation, scan)
+        assert perception.observation is not None
+        located = locate(perception.observation)
+        self._look_around(located, time_s)
+        decision = self._decide(located.estimate, time_s, located.observation, scan)
         return Sight(frame, perception, decision)
+
+    def _look_around(self, located: Located, time_s: float) -> None:
+        """A rover that is lost looks around for landmarks; one that is not, or no longer, makes a new way."""
+        if located.lost:
+            self.search = search(self.search, located.lost, self.plan, located.estimate, time_s)
+            if self.search.decision.kind == "lost":
+                self.plan = replace(self.plan, end=self.search.decision)
+        elif self.search is not None:
+            self.search, self.plan = None, replace(self.plan, way=None, manoeuvre=None)
 
     def _tall(self, frame: Frame) -> TallThings | None:
         """Things taller than the camera, over ground of the hue before the rover's first picture."""
@@ -148,7 +163,9 @@ class OnboardComputer:
     def _step(
         self, estimate: PoseEstimate, time_s: float, observation: Observation | None, scan: RangeScan | None
     ) -> Decision:
-        """One step of navigation, under the route if there is one."""
+        """One step of navigation, under the route if there is one; a rover that is lost only looks around."""
+        if self.search is not None:
+            return self.search.decision
         if self.route is None:
             self.plan, decision = navigator.step(self.plan, observation, estimate, time_s, scan)
             return decision
@@ -188,7 +205,9 @@ class OnboardComputer:
         elif decision.kind == "back_up":
             here = float(estimate.pose.position_w[2])
             places = [(float(x), float(y), here) for x, y in decision.waypoints_w[1:]]
-            self._drive(backing_items(places, self._local, self._home_w), time_s)
+            # A vehicle that cannot back up turns round and drives there: that needs more room, but leads out as well.
+            items = backing_items if self._companion.reverses else mission_items
+            self._drive(items(places, self._local, self._home_w), time_s)
         elif decision.kind == "look":
             self._upload = None
             if not self._companion.status.armed:

@@ -24,6 +24,7 @@ class Reason(StrEnum):
     COLLISION = "collision"
     NO_PATH = "no_path"
     GOAL_MISSED = "goal_missed"  # the rover believed it had arrived and had not
+    LOST = "lost"  # the rover does not know where it is, and says so
     SLIP_STOP = "slip_stop"
     LINK_LOST = "link_lost"
     SENSOR_LOST = "sensor_lost"  # camera or scanner fell silent

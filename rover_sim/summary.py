@@ -71,12 +71,23 @@ def motion_figures(trace: dict[str, NDArray[np.float64]], identity: Identity) ->
         "straight_line_m": _rounded(straight),
         "path_inefficiency": _rounded(distance / straight - 1) if straight > 0 else None,
         "goal_distance_m": _rounded(np.hypot(*(position[-1, :2] - np.asarray(identity.goal_w)))),
+        **belief_figures(trace),
         "max_tilt_deg": _rounded(_tilt_deg(trace["quaternion_w"]).max(), 2),
         "min_stability_margin": _rounded(trace["stability_margin"].min()),
         "mean_slip": _rounded(slip.mean() if slip.size else 0.0),
         "max_slip": _rounded(slip.max(initial=0.0)),
         "max_sinkage_m": _rounded(trace["sinkage"].max()),
         "energy_J": _rounded(trace["energy_J"][-1], 1),
+    }
+
+
+def belief_figures(trace: dict[str, NDArray[np.float64]]) -> dict[str, float]:
+    """How far the believed place was off, at most and at the end, and the one sigma that the rover gave then."""
+    off = np.hypot(*(trace["estimate_position_w"] - trace["position_w"])[:, :2].T)
+    return {
+        "place_error_m": _rounded(off[-1]),
+        "max_place_error_m": _rounded(off.max()),
+        "place_sd_m": _rounded(np.sqrt(np.trace(trace["estimate_covariance_m2"][-1].reshape(2, 2)))),
     }
 
 

@@ -14,6 +14,7 @@ from planner import navigator
 from planner.corridor import CAMERA_SPEED, SpeedModel
 from planner.navigator import NavigatorModel
 from planner.route_following import Following
+from rover_sim.autopilot.modes import Severity
 from rover_sim.autopilot.tuning import tuned_autopilot
 from rover_sim.driven_rover import (
     CAMERA_STREAM,
@@ -53,6 +54,7 @@ if TYPE_CHECKING:
     from rover_sim.sim.simulation import Simulation
 
 STEREO_BASELINE_M = 0.12
+NOT_ARRIVED = {"no_path": Reason.NO_PATH, "lost": Reason.LOST}  # how the planner may end a traverse
 LASER_SD_M = 0.02  # that the rover believes of its scanner
 LINK_GRACE_S = 5.0  # the first heartbeats of our own vehicle need not have come before
 
@@ -119,7 +121,7 @@ class Traverse:
         self._stack, self._steps, self._steps_per_s = link, 0, steps_per_s
         try:
             check_start(world, rover.footprint())
-            self._rover = DrivenRover(world, rover, driver, steps_per_s, options.autopilot)
+            self.rover = DrivenRover(world, rover, driver, steps_per_s, options.autopilot)
             self._renderer = make_renderer(world, self.simulation.ruts) if "camera" in self._eyes else None
             scanner_rng = np.random.default_rng([world.seed, LASER_STREAM])
             self._scanner = LaserScanner(world, rover.laser(), scanner_rng) if "laser" in self._eyes else None
@@ -141,7 +143,7 @@ class Traverse:
 
     def close(self) -> None:
         """End physics and link."""
-        self._rover.close()
+        self.rover.close()
         self._stack.close()
 
     def run(
@@ -169,7 +171,7 @@ class Traverse:
         if step % TRACE_STEPS == 0:
             ended = self._observe()
         looked = self._see(step, on_sight)
-        self._rover.step()
+        self.rover.step()
         self._steps += 1
         return Stepped(looked, ended)
 
@@ -183,7 +185,7 @@ class Traverse:
                 seed=self.world.seed,
                 start_w=scenario.rover.start_m,
                 goal_w=scenario.goal.position_m,
-                wheel_radius_m=self._rover.footprint.wheel_radius_m,
+                wheel_radius_m=self.rover.footprint.wheel_radius_m,
             ),
             replace(self.onboard.counts, collisions=self._judge.collisions),
             reason,
@@ -191,19 +193,19 @@ class Traverse:
             ttam=self._classes.ttam(),
             detail=detail,
             events=self.events,
-            faults=self._rover.faults.summary(self.simulation.time_s),
+            faults=self.rover.faults.summary(self.simulation.time_s),
             route=self.route,
         )
 
     @property
     def recorder(self) -> TraceRecorder:
         """The trace so far."""
-        return self._rover.recorder
+        return self.rover.recorder
 
     @property
     def events(self) -> list[MobilityEvent]:
         """What befell the rover so far."""
-        return self._rover.mobility.events
+        return self.rover.mobility.events
 
     @property
     def route(self) -> Following | None:
@@ -213,7 +215,7 @@ class Traverse:
     @property
     def simulation(self) -> Simulation:
         """The physics, for who is the world of an autopilot from outside."""
-        return self._rover.simulation
+        return self.rover.simulation
 
     @property
     def ruts(self) -> SavedRuts | None:
@@ -232,20 +234,20 @@ class Traverse:
         model = NavigatorModel(speed=SpeedModel() if "laser" in self._eyes else CAMERA_SPEED)
         area = self.world.ground.x_limits_m, self.world.ground.y_limits_m
         plan = navigator.begin(
-            goal.position_m, goal.radius_m, self._rover.footprint, scenario.rover.start_m, model=model, area=area
+            goal.position_m, goal.radius_m, self.rover.footprint, scenario.rover.start_m, model=model, area=area
         )
         periods = {name: eye.steps / self._steps_per_s for name, eye in self._eyes.items()}
         knowledge = load_knowledge("rendered")
-        link, route = self._stack, first_route(self.world, self._rover.footprint)
+        link, route = self._stack, first_route(self.world, self.rover.footprint)
         return OnboardComputer(link.companion, link.frame, home(self.world), plan, knowledge, periods, route)
 
     def _control(self) -> None:
         """Sensors, estimate, autopilot, link."""
-        readings = self._rover.control()
-        self._stack.tick(self.simulation.time_s, self._rover.estimate, readings)
-        self.onboard.tick(self._rover.estimate)
+        readings = self.rover.control()
+        self._stack.tick(self.simulation.time_s, self.rover.estimate, readings)
+        self.onboard.tick(self.rover.estimate)
         if self.world.scenario.event:
-            self._rover.faults.hear(self.simulation.time_s, self._stack.companion.status, self.onboard.doing)
+            self.rover.faults.hear(self.simulation.time_s, self._stack.companion.status, self.onboard.doing)
 
     def _see(self, step: int, on_sight: Callable[[Sight], None]) -> bool:
         """Use the eyes whose time it is; whether any was."""
@@ -261,7 +263,7 @@ class Traverse:
     def _scan(self, scanner: LaserScanner, computer: OnboardComputer) -> None:
         """A turn of the scanner where it truly is, placed where the rover believes it to be."""
         time_s, laser = self.simulation.time_s, scanner.laser
-        believed = self._rover.estimate.pose
+        believed = self.rover.estimate.pose
         place = believed.position_w + rotation_from_quaternion(believed.quaternion_w) @ np.asarray(laser.position_b)
         scan = RangeScan(
             time_s=time_s,
@@ -271,9 +273,9 @@ class Traverse:
             least_m=np.zeros(len(laser.angles_rad)),
             reach_m=laser.reach_m,
             pose=Pose(place, believed.quaternion_w),
-            ground=self._rover.ground(),
+            ground=self.rover.ground(),
         )
-        computer.scan(scan, self._rover.estimate, time_s)
+        computer.scan(scan, self.rover.estimate, time_s)
 
     def _look(self, renderer: Renderer, computer: OnboardComputer) -> Sight:
         """A picture from where the camera truly is, judged from where the rover believes it to be."""
@@ -289,13 +291,17 @@ class Traverse:
             time_s=time_s,
             image=image,
             camera=camera,
-            camera_pose=camera_pose(self._rover.estimate.pose, camera),
-            ground=self._rover.ground(),
+            camera_pose=camera_pose(self.rover.estimate.pose, camera),
+            ground=self.rover.ground(),
             right=right,
             baseline_m=STEREO_BASELINE_M,
             to_sun_w=to_sun(self.world.scenario.sun.azimuth_deg, self.world.scenario.sun.elevation_deg),
         )
-        sight = computer.look(frame, self._rover.estimate, time_s)
+        searching = computer.search
+        sight = computer.look(frame, self.rover.locate, time_s)
+        if (computer.search is None) != (searching is None):
+            text = "found where it is" if computer.search is None else f"lost: {computer.search.why}"
+            self._stack.narrator.say(Severity.WARNING, f"The rover {text}")
         clasts = renderer.clasts(camera, true_pose, rendered)
         self._classes.add(clasts, rendered.depth_m, sight.perception.classes)
         return sight
@@ -303,10 +309,10 @@ class Traverse:
     def _observe(self) -> tuple[Reason, str] | None:
         """Record the true state and judge it."""
         state, step_s = self.simulation.state, TRACE_STEPS / self._steps_per_s
-        self._rover.watch(self._stack.narrator)
+        self.rover.watch(self._stack.narrator)
         self._record()
         contacts, wheel_touched = self.simulation.take_contacts(), self.simulation.take_wheel_touch()
-        digging = self._rover.mobility.digging(state)
+        digging = self.rover.mobility.digging(state)
         reason = self._judge.look(state, contacts, step_s, digging=digging, wheel_touched=wheel_touched)
         if reason is not None:
             touched = f"touched obstacle {contacts[0].obstacle_id}" if contacts else ""
@@ -318,8 +324,8 @@ class Traverse:
     def _declared_end(self, state: VehicleState) -> tuple[Reason, str] | None:
         """The end that the rover itself has declared, or that link or time have."""
         goal, end = self.world.scenario.goal, self.onboard.end
-        if end is not None and end.kind == "no_path":
-            return Reason.NO_PATH, end.reason
+        if end is not None and end.kind in NOT_ARRIVED:
+            return NOT_ARRIVED[end.kind], end.reason
         if end is not None:
             near = self._goal_distance(state) <= goal.radius_m
             return (Reason.GOAL if near else Reason.GOAL_MISSED), end.reason
@@ -341,9 +347,9 @@ class Traverse:
 
     def _record(self) -> None:
         status = self._stack.companion.status
-        self._rover.record(
-            **{kind.value: lasts for kind, lasts in active_kinds(self._rover.mobility.memory).items()},
-            estimate_position_sd=self._rover.estimate.position_sd_m,
+        self.rover.record(
+            **{kind.value: lasts for kind, lasts in active_kinds(self.rover.mobility.memory).items()},
+            estimate_position_sd=self.rover.estimate.position_sd_m,
             mode=-1 if status.mode is None else status.mode,
             mission_current=-1 if status.current is None else status.current,
         )
@@ -361,4 +367,4 @@ class Traverse:
         done = max(0.0, 1.0 - left / max(whole, 1e-9))
         waits_for = self._stack.companion.waits_for
         doing = f"waits for {waits_for}" if waits_for else self.onboard.doing
-        return Status(state.time_s, left, done, slip, doing, self._rover.faults.lasting)
+        return Status(state.time_s, left, done, slip, doing, self.rover.faults.lasting)

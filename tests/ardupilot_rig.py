@@ -8,9 +8,10 @@ from dataclasses import dataclass, field
 
 from rover_sim.hil.ardupilot import Clockwork
 from rover_sim.hil.lockstep import Datagram, Peer
-from tests.ardupilot_double import ArduPilotDouble
+from tests.ardupilot_double import RESEND_S, ArduPilotDouble
 
-_POLL_S = 0.1  # as the double's own
+_POLL_S = 0.01
+PAUSE_S = 0.01  # of the autopilot's own pacing
 
 
 def frame_count(data: bytes) -> int:
@@ -24,6 +25,7 @@ class Faults:
     lost_packets: set[int] = field(default_factory=set)
     lost_replies: set[int] = field(default_factory=set)
     doubled_packets: set[int] = field(default_factory=set)
+    crossed_replies: set[int] = field(default_factory=set)  # the packet is repeated just as its reply leaves
     before: dict[int, list[Datagram]] = field(default_factory=dict)  # strangers' datagrams just before a packet
 
 
@@ -39,6 +41,7 @@ class MemoryPort:
         self.peer: Peer = ("127.0.0.1", 50000)
         self.sent: list[tuple[bytes, Peer]] = []
         self._queue: list[Datagram] = []
+        self._resumes_s = 0.0  # when the autopilot wakes from a pause of its own pacing
         self._at_count = at_count or (lambda _: None)
 
     def clockwork(self, patience_s: float = 60.0) -> Clockwork:
@@ -72,6 +75,9 @@ class MemoryPort:
         if self.double.count in self.faults.lost_replies:
             self.faults.lost_replies.discard(self.double.count)
             return
+        if self.double.count in self.faults.crossed_replies:
+            self._queue += [(packet, self.peer) for packet in self.double.packets(self.now_s + RESEND_S)]
+            self._resumes_s = self.now_s + PAUSE_S
         self.double.deliver(data)
 
     def restart_autopilot(self) -> None:
@@ -80,6 +86,8 @@ class MemoryPort:
         self.peer = (self.peer[0], self.peer[1] + 1)
 
     def _pump(self) -> None:
+        if self.now_s < self._resumes_s - 1e-9:
+            return
         for data in self.double.packets(self.now_s):
             count = frame_count(data)
             self._at_count(count)

@@ -18,6 +18,7 @@ from rover_sim.mavlink.endpoint import Link
 from rover_sim.mavlink.geodesy import GeoPoint, LocalFrame
 from rover_sim.mavlink.memory import memory_link
 from rover_sim.mavlink.persona import Persona
+from rover_sim.mavlink.signing import Signing
 from rover_sim.mavlink.stack import BadLink, open_links
 from rover_sim.mavlink.streams import COMPANION_RATES
 from rover_sim.mavlink.transport import parse_url
@@ -48,6 +49,7 @@ class LiveRover:
         folder: Path | None = None,
         bad: BadLink | None = None,
         camera: CameraPort | None = None,
+        signing: Signing | None = None,
     ) -> None:
         self.rover = KinematicRover()
         self.autopilot = Autopilot(FOOTPRINT, HOME)
@@ -55,7 +57,7 @@ class LiveRover:
         inner, outer = memory_link()
         stations, _ = open_links([url], bad=bad)
         links = [Link(inner, COMPANION_RATES), *stations]
-        self.vehicle = Vehicle(self.autopilot, self.frame, links, None, persona, folder, camera)
+        self.vehicle = Vehicle(self.autopilot, self.frame, links, None, persona, folder, camera, signing)
         self.companion = Companion(Link(outer, {}))
         self._stop = threading.Event()
         self._lock = threading.Lock()

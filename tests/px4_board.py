@@ -45,7 +45,12 @@ class Px4Board(Px4Double):
             self.heartbeats += message.get_type() == "HEARTBEAT"
             if self._in_hil or message.get_type() == "HEARTBEAT":
                 self.checks.take(message)
+            if self._in_hil and message.get_type() == "HIL_SENSOR":
+                self.sampled()
         return self.checks.believed.sensors - before
+
+    def sampled(self) -> None:
+        """An inertial sample has arrived."""
 
     def heartbeat(self) -> bytes:
         mode = CUSTOM | (ARMED if self.armed else 0) | (HIL if self._in_hil else 0)

@@ -221,10 +221,14 @@ class Px4Process:
         if self.error is not None:
             raise self.error
 
+    def live(self) -> None:
+        """Connect, and talk until the simulator ends or `end` is called; raises what it finds wrong."""
+        with self._connected() as link:
+            self._talk(link)
+
     def _live(self) -> None:
         try:
-            with self._connected() as link:
-                self._talk(link)
+            self.live()
         except (ViolationError, OSError) as error:
             self.error = error
 

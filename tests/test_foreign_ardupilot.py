@@ -168,6 +168,18 @@ def test_a_person_who_takes_over_in_the_middle_of_a_leg_change_keeps_the_vehicle
     assert double.custom_mode == MANUAL
 
 
+def test_a_fail_safe_in_the_middle_of_a_leg_change_is_not_driven_over() -> None:
+    pair = ForeignPair(start_s=READY_S)
+    double = driving(pair, (9.0, 0.0), (9.0, 9.0))
+    pair.companion.drive(pair.items(*((float(step), 3.0) for step in range(20))), pair.time_s)
+    pair.until(lambda: double.custom_mode == HOLD, 5.0)
+    pair.run(0.2)
+    double.say(2, "EKF failsafe")
+    pair.run(20.0)
+    assert double.custom_mode == HOLD
+    assert pair.companion.status.mode == Mode.HOLD
+
+
 def test_a_turn_ends_where_a_person_changes_the_mode() -> None:
     pair = ForeignPair(start_s=READY_S)
     pair.companion.arm()

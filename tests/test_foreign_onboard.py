@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 import pytest
 
 from perception.pipeline import Knowledge, load_knowledge
 from planner import navigator
-from rover_sim.autopilot.modes import Mode
+from planner.navigator import Decision
+from planner.relocation import Located
+from rover_sim.autopilot.modes import MissionState, Mode
 from rover_sim.mavlink.memory import MemoryEnd
 from rover_sim.onboard import OnboardComputer
 from tests.ardupilot_mavlink_double import ArduRoverDouble
@@ -54,7 +57,8 @@ class Drive:
                 self._look_s = self.pair.time_s + LOOK_S
                 ground = GroundPlane(np.zeros(3), np.array([0.0, 0.0, 1.0]))
                 pose = camera_pose(estimate.pose, CAMERA)
-                self.onboard.look(Frame(self.pair.time_s, SAND, CAMERA, pose, ground), estimate, self.pair.time_s)
+                frame = Frame(self.pair.time_s, SAND, CAMERA, pose, ground)
+                self.onboard.look(frame, partial(Located, estimate=estimate), self.pair.time_s)
 
     def _estimate(self) -> PoseEstimate:
         motion = self.pair.rover.motion
@@ -82,6 +86,21 @@ def test_the_planner_drives_it_to_the_goal_and_holds(
     assert math.hypot(motion.east_m - 7.0, motion.north_m - 2.0) < 0.6
     drive.until(lambda: drive.pair.companion.status.mode == Mode.HOLD, 3.0)
     assert drive.onboard.doing == "arrived"
+
+
+@pytest.mark.parametrize(("double", "faces"), [(ArduRoverDouble, 90.0), (Px4RoverDouble, -90.0)])
+def test_where_it_cannot_back_up_it_turns_round_instead(
+    double: Callable[[MemoryEnd], VehicleDouble], faces: float, knowledge: Knowledge
+) -> None:
+    drive = Drive(double, (20.0, 0.0), knowledge)
+    pair = drive.pair
+    pair.run(1.0)
+    back = Decision("back_up", "a test", np.array([[0.0, 0.0], [-1.5, 0.0]]))
+    drive.onboard._send(back, drive._estimate(), pair.time_s)
+    pair.until(lambda: pair.companion.status.mission_state is MissionState.COMPLETE, 30.0)
+    assert pair.companion.trouble is None
+    assert pair.rover.motion.east_m == pytest.approx(-1.5, abs=0.35)
+    assert math.degrees(pair.rover.motion.heading_rad) == pytest.approx(faces, abs=15.0)
 
 
 def test_a_person_who_sets_hold_has_the_rover_until_auto_is_set_again(knowledge: Knowledge) -> None:

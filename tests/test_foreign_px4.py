@@ -8,7 +8,7 @@ import pytest
 
 from rover_sim.autopilot.modes import MissionState, Mode
 from rover_sim.mavlink.commander import CommandState
-from rover_sim.mavlink.dialect import mavlink
+from rover_sim.mavlink.dialect import Message, mavlink
 from rover_sim.mavlink.plan_items import backing_items
 from rover_sim.mavlink.uploader import UploadState
 from rover_sim.mavlink.vehicle_control import TroubleKind
@@ -90,6 +90,25 @@ def test_a_mission_of_another_station_is_told_by_its_id() -> None:
     double._store(pair.items((5.0, 5.0))[1:], (255, 190))
     pair.run(5.0)
     assert pair.companion.owns_mission is False
+
+
+def test_an_id_that_we_cannot_foretell_is_looked_into_once() -> None:
+    pair = ForeignPair(Px4RoverDouble, start_s=20.0)
+    pair.companion.upload(pair.items((6.0, 0.0)), pair.time_s)
+    pair.run(5.0)
+    double = px4(pair)
+    double.opaque_id += 1
+    reads: list[float] = []
+    listed = double._handlers["MISSION_REQUEST_LIST"]
+
+    def note(message: Message) -> None:
+        reads.append(pair.time_s)
+        listed(message)
+
+    double._handlers["MISSION_REQUEST_LIST"] = note
+    pair.run(10.0)
+    assert len(reads) == 1
+    assert pair.companion.owns_mission is True  # the items are the same
 
 
 def test_a_cleared_mission_is_nobodys() -> None:

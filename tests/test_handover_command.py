@@ -13,14 +13,17 @@ import pytest
 
 from rover_sim.autopilot.modes import Mode
 from rover_sim.cli import main
+from rover_sim.mavlink.dialect import Packer, mavlink
 from rover_sim.mavlink.geodesy import GeoPoint, LocalFrame
 from rover_sim.mavlink.mission_file import read_plan, read_waypoints, write_plan, write_waypoints
 from rover_sim.mavlink.persona import PERSONAS
 from rover_sim.mavlink.plan_items import home_item, mission_items
+from rover_sim.mavlink.signing import Signing, open_signing
 from rover_sim.mavlink.tlog import read_tlog
 from rover_sim.mavlink.transport import parse_url
 from rover_sim.mavlink.udp import UdpIn
 from rover_sim.mavlink.wire import WAYPOINT, WireItem
+from rover_sim.pacing import unix_time_s
 from tests.mavlink_live import LiveRover
 from worlds.scenario import Origin
 
@@ -49,12 +52,12 @@ def mission(folder: Path, *places: tuple[float, float]) -> Path:
 
 
 @contextmanager
-def live(persona: str) -> Iterator[tuple[LiveRover, str]]:
+def live(persona: str, signing: Signing | None = None) -> Iterator[tuple[LiveRover, str]]:
     """A rover without physics that waits on a port, and the URL that leads there."""
     free = UdpIn(parse_url("udpin:127.0.0.1:0"))
     port = free.port
     free.close()
-    rover = LiveRover(f"udpin:127.0.0.1:{port}", PERSONAS[persona])
+    rover = LiveRover(f"udpin:127.0.0.1:{port}", PERSONAS[persona], signing=signing)
     rover.start()
     try:
         yield rover, f"udpout:127.0.0.1:{port}"
@@ -253,3 +256,38 @@ def test_numbers_that_cannot_be_are_told_by_the_parser(arguments: list[str]) -> 
     with pytest.raises(SystemExit) as caught:
         main(["handover", *arguments])
     assert caught.value.code == 2
+
+
+def test_a_vehicle_of_another_kind_is_refused_by_its_name(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    plan = mission(tmp_path, (1.0, 0.0))
+    copter = UdpIn(parse_url("udpin:127.0.0.1:0"))
+    stop = threading.Event()
+
+    def beat() -> None:
+        packer = Packer(7, 1)
+        while not stop.wait(0.05):
+            for peer, _ in copter.receive(0.0):
+                copter.send(packer.pack(mavlink.MAVLink_heartbeat_message(2, 12, 0, 0, 3, 3)), peer, 0.0)
+
+    person = threading.Thread(target=beat)
+    person.start()
+    url = f"udpout:127.0.0.1:{copter.port}"
+    try:
+        assert main(["handover", "--mission", str(plan), "--autopilot", url, "--out", str(tmp_path / "o")]) == 2
+    finally:
+        stop.set()
+        person.join()
+        copter.close()
+    assert "a quadrotor (PX4, system 7); allowed: a ground rover" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(("theirs", "code"), [("open sesame", 0), ("mellon", 3)])
+def test_a_vehicle_that_signs_is_heard_with_the_same_key_only(theirs: str, code: int, tmp_path: Path) -> None:
+    plan, keys = mission(tmp_path, (1.0, 0.0)), tmp_path / "keys"
+    keys.mkdir()
+    for name, text in (("ours", "open sesame"), ("theirs", theirs)):
+        (keys / name).write_text(text)
+    signing = open_signing(keys / "theirs", unix_time_s, tmp_path / "shown")
+    with live("ardupilot", signing) as (_, url):
+        command = ["handover", "--mission", str(plan), "--autopilot", url, "--signing-key", str(keys / "ours")]
+        assert main([*command, "--out", str(tmp_path / "out"), "--wait", "4"]) == code

@@ -3,19 +3,33 @@
 from __future__ import annotations
 
 import socket
+from pathlib import Path
 
 import pytest
 
+from rover_sim.driven_rover import home
 from rover_sim.errors import InputError, LinkError
-from rover_sim.hil.px4_peer import BOARD
-from rover_sim.hil.serial_board import SharedLine, is_board, open_board
-from rover_sim.hil.session import Watchers
+from rover_sim.hil.autopilot_link import AutopilotLink
+from rover_sim.hil.handling import measure_handling
+from rover_sim.hil.outputs import OutputDriver
+from rover_sim.hil.px4_parameters import parameters
+from rover_sim.hil.px4_peer import BOARD, Px4Peer
+from rover_sim.hil.px4_session import STEPS_PER_S, Clockwork, Px4Session
+from rover_sim.hil.serial_board import BoardPort, SharedLine, is_board, open_board
+from rover_sim.hil.session import Driven, Watchers
 from rover_sim.mavlink.dialect import Packer, mavlink
+from rover_sim.mavlink.geodesy import LocalFrame
+from rover_sim.mavlink.transport import LinkUrl
 from rover_sim.pacing import Pace, wait_for_news
+from rover_sim.sim.rover import load_rover
+from rover_sim.traverse import RunOptions, Traverse
 from tests.px4_board import BoardOnPty, Px4Board
+from tests.px4_board_vehicle import DrivingBoard
 from tests.px4_double import Outputs
 from tests.px4_rig import Drive, session
 from tests.sim_factory import make_world, slope
+from worlds.build import build_world
+from worlds.scenario import Camera, Goal, Origin, Rocks, Scenario, SoilChoice, Terrain
 
 LINE = "/dev/ttyACM0,921600"
 
@@ -66,6 +80,73 @@ def test_a_board_that_is_pulled_out_is_a_lost_link() -> None:
     assert (summary["reason"], summary["detail"]) == ("link_lost", "waited 0.3 s for PX4 at the link")
 
 
+def test_a_board_that_starts_again_is_found_again(tmp_path: Path) -> None:
+    """Its device goes and comes back, and the traverse begins anew."""
+    device = tmp_path / "board"
+    boards = [BoardOnPty(Px4Board(lambda _: Outputs(True, 0.1, 0.1))) for _ in range(2)]
+
+    def plug(board: BoardOnPty) -> None:
+        device.unlink(missing_ok=True)
+        device.symlink_to(board.device)
+        board.__enter__()
+
+    def restart(step: int) -> None:
+        if step == 100:
+            boards[0].end()
+            plug(boards[1])
+
+    plug(boards[0])
+    world = make_world(slope(0.0))
+    line = SharedLine(BoardPort(LinkUrl("board", "serial", str(device), 921600)))
+    try:
+        drives = [Drive(world, 4.0, restart), Drive(world, 1.0)]
+        left_s = Pace(0.25).left_s
+        summary = session(drives, line.simulator, wait_for_news, left_s=left_s, profile=BOARD).run()
+    finally:
+        line.close()
+        boards[1].end()
+    assert (summary["hil"]["restarts"], summary["hil"]["steps"]) == (1, 250)
+    assert boards[1].checks.believed.sensors >= 230
+
+
+@pytest.mark.slow
+def test_a_mission_over_one_line_at_the_pace_of_the_wall_clock() -> None:
+    """HIL messages, missions and telemetry on the same pseudo-terminal; the board drives by its own clock."""
+    scenario = Scenario(
+        name="bench",
+        terrain=Terrain(kind="flat", size_m=(10.0, 8.0), resolution_m=0.1),
+        rocks=Rocks(cfa=0.0),
+        soil=SoilChoice(preset="firm"),
+        camera=Camera(rate_hz=1.0),
+        goal=Goal(position_m=(2.0, 0.0), time_limit_s=60.0),
+    )
+    world, rover = build_world(scenario, 0), load_rover("husky")
+    frame = LocalFrame(world.origin)
+    place = frame.to_geo(home(world))
+    handling = measure_handling(rover, world.soil, scenario.gravity_m_s2)
+    values = parameters(rover, handling, scenario.goal.radius_m, board=True)
+    board = DrivingBoard(Origin(place.latitude_deg, place.longitude_deg, place.altitude_m), values)
+    with BoardOnPty(board) as pty:
+        line = SharedLine(open_board(pty.device))
+
+        def begin() -> Driven:
+            link, outputs = AutopilotLink(frame, home(world), line.planner), OutputDriver(rover.footprint())
+            return Driven(Traverse(world, rover, outputs, link, RunOptions(link_grace_s=31.0), STEPS_PER_S), outputs)
+
+        def meet(driven: Driven) -> Px4Peer:
+            x, y, z = driven.traverse.simulation.chassis_motion[:3].tolist()
+            return Px4Peer(line.simulator, frame, (x, y, z), pty.device, BOARD)
+
+        clockwork = Clockwork(wait_for_news, Pace(BOARD.forgiven_s).left_s, 10.0)
+        with Px4Session(begin, meet, clockwork) as served:
+            summary = served.run()
+        line.close()
+    assert summary["reason"] == "goal", summary
+    assert board.rover.driven
+    assert board.checks.believed.truth is None
+    assert summary["hil"]["beat"]["rate_hz"] < 255.0
+
+
 def test_planner_and_stations_share_the_line() -> None:
     """What the planner's end and a station say reaches the board; what the board says reaches them both."""
     station = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
@@ -75,8 +156,9 @@ def test_planner_and_stations_share_the_line() -> None:
     with BoardOnPty(Px4Board()) as pty:
         line = SharedLine(open_board(pty.device), [f"udpout:127.0.0.1:{station.getsockname()[1]}"])
         hello = Packer(1, 200).pack(mavlink.MAVLink_heartbeat_message(0, 8, 0, 0, 0, 3))
-        line.simulator.send(hello, pty.device, 0.0)
-        line.planner.send(Packer(1, 191).pack(arm), pty.device, 0.0)
+        (name,) = line.simulator.peers(0.0)
+        line.simulator.send(hello, name, 0.0)
+        line.planner.send(Packer(1, 191).pack(arm), name, 0.0)
         heard: dict[str, bytes] = {"simulator": b"", "planner": b""}
         while not (heard["simulator"] and heard["planner"]):
             wait_for_news(line.simulator.handles(), 1.0)
@@ -88,6 +170,8 @@ def test_planner_and_stations_share_the_line() -> None:
         while len(pty.board.others) < 2:
             wait_for_news(line.simulator.handles(), 0.1)
             line.pull(0.0)
+        line.planner.close()  # as at the end of a traverse, of which there may be another
+        assert line.simulator.peers(0.0)
         line.close()
     station.close()
     assert [message.get_srcComponent() for message in pty.board.others] == [191, 190]

@@ -13,10 +13,12 @@ from rover_sim import run_folder
 from rover_sim.cli import main
 from rover_sim.driven_rover import home
 from rover_sim.hil.handling import measure_handling
-from rover_sim.hil.px4_parameters import parameter_text, parameters
+from rover_sim.hil.px4_parameters import Parameters, parameter_text, parameters
 from rover_sim.mavlink.geodesy import LocalFrame
 from rover_sim.mavlink.transport import open_link
 from rover_sim.sim.rover import load_rover
+from tests.px4_board import BoardOnPty, Px4Board
+from tests.px4_board_vehicle import DrivingBoard
 from tests.px4_double import Px4Process
 from tests.px4_vehicle import JoinedPx4
 from worlds.build import build_world
@@ -53,15 +55,21 @@ def free_port(kind: socket.SocketKind) -> int:
         return int(probe.getsockname()[1])
 
 
-def test_a_whole_traverse_over_real_sockets(tiny: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    scenario, out, file = load_scenario(str(tiny)), tmp_path / "out", tmp_path / "rover.params"
-    world, rover = build_world(scenario, 0), load_rover("husky")
+def fitted(scenario_file: Path, *, board: bool) -> tuple[Origin, Parameters]:
+    """Where the rover starts, and what the command writes for it."""
+    scenario, rover = load_scenario(str(scenario_file)), load_rover("husky")
+    world = build_world(scenario, 0)
     place = LocalFrame(world.origin).to_geo(home(world))
     handling = measure_handling(rover, world.soil, scenario.gravity_m_s2)
-    values = parameters(rover, handling, scenario.goal.radius_m, board=False)
+    values = parameters(rover, handling, scenario.goal.radius_m, board=board)
+    return Origin(place.latitude_deg, place.longitude_deg, place.altitude_m), values
+
+
+def test_a_whole_traverse_over_real_sockets(tiny: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    out, file = tmp_path / "out", tmp_path / "rover.params"
+    origin, values = fitted(tiny, board=False)
     hil, missions = free_port(socket.SOCK_STREAM), free_port(socket.SOCK_DGRAM)
     link = open_link(f"udpout:127.0.0.1:{missions}")
-    origin = Origin(place.latitude_deg, place.longitude_deg, place.altitude_m)
     vehicle = JoinedPx4(link, origin, values, head_start_s=10.0)
     words = ["hil", "px4", str(tiny), "--bind", f"127.0.0.1:{hil}", "--autopilot", f"udpin:127.0.0.1:{missions}"]
     words += ["--out", str(out), "--write-params", str(file), "--speed", "20"]
@@ -73,10 +81,34 @@ def test_a_whole_traverse_over_real_sockets(tiny: Path, tmp_path: Path, capsys: 
     assert summary["hil"]["lockstep"]["most_steps"] <= 1
     assert summary["hil"]["beat"]["rate_hz"] > 0.0
     assert {path.name for path in out.iterdir()} >= set(run_folder.FILES) - {"ruts.npz"}
-    assert file.read_text() == parameter_text(values, f"PX4 for husky on firm, {scenario.gravity_m_s2:g} m/s2")
+    assert file.read_text() == parameter_text(values, "PX4 for husky on firm, 3.71 m/s2")
     said = capsys.readouterr().err
     assert "PX4 is expected at 127.0.0.1" in said
     assert re.search(r"steps a second, .* ms apart .* answers late, by [01] steps at most", said)
+
+
+@pytest.mark.slow
+def test_a_whole_traverse_over_one_serial_line(tiny: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    origin, values = fitted(tiny, board=True)
+    board, out, file = DrivingBoard(origin, values), tmp_path / "out", tmp_path / "board.params"
+    with BoardOnPty(board, within_s=100.0) as pty:
+        words = ["hil", "px4", str(tiny), "--bind", pty.device, "--out", str(out), "--write-params", str(file)]
+        assert main(words) == 0
+    summary = json.loads((out / "summary.json").read_text())
+    assert (summary["reason"], summary["hil"]["lockstep"]) == ("goal", None)
+    assert summary["hil"]["beat"]["longest_ms"] > 0.0
+    assert "SYS_HITL" in file.read_text()
+    assert "ms apart in the median" in capsys.readouterr().err
+
+
+def test_a_board_that_is_not_in_hil_mode_ends_with_3(
+    tiny: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with BoardOnPty(Px4Board(in_hil=False)) as pty:
+        words = ["hil", "px4", str(tiny), "--bind", f"{pty.device},921600", "--wait", "1"]
+        assert main([*words, "--out", str(tmp_path / "out")]) == 3
+    last = capsys.readouterr().err.strip().splitlines()[-1]
+    assert "waited 1 s for HIL mode of the PX4 at /dev/" in last
 
 
 def test_without_px4_it_ends_with_3_and_says_what_it_waited_for(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 
 from perception.pipeline import Knowledge, load_knowledge
 from planner import navigator
+from planner.relocation import Located
 from rover_sim.autopilot.autopilot import Autopilot
 from rover_sim.autopilot.modes import Mode
 from rover_sim.mavlink.dialect import Message, mavlink
@@ -58,7 +60,7 @@ class Drive:
         if self._ticks % 24 == 0:
             ground = GroundPlane(np.zeros(3), np.array([0.0, 0.0, 1.0]))
             pose = camera_pose(estimate.pose, CAMERA)
-            self.onboard.look(Frame(time_s, SAND, CAMERA, pose, ground), estimate, time_s)
+            self.onboard.look(Frame(time_s, SAND, CAMERA, pose, ground), partial(Located, estimate=estimate), time_s)
         self._ticks += 1
         self.rover.move(wheels, 1.0 / 48.0)
 

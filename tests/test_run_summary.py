@@ -46,6 +46,8 @@ def _trace() -> TraceRecorder:
         recorder.add(
             time_s=time_s,
             position_w=(x, y, 0.0),
+            estimate_position_w=(x + 0.3 * time_s, y - 0.4 * time_s, 0.1),
+            estimate_covariance_m2=(0.04, 0.0, 0.0, 0.05),
             quaternion_w=(np.sin(roll), 0.0, 0.0, np.cos(roll)),
             wheel_speed=(0.0, 10.0, 10.0, 10.0),
             slip=(0.9, 0.1, 0.2, 0.3),
@@ -133,3 +135,11 @@ def test_events_are_counted_all_and_listed_up_to_a_limit() -> None:
     assert len(figures["events"]) == EVENTS_LISTED
     place = {"time_s": 1.2346, "position_m": [1.0, 2.0, 0.123], "wheel": 3}
     assert figures["events"][0] == {"kind": "traction_loss", **place}
+
+
+def test_the_summary_tells_how_far_the_believed_place_was_off() -> None:
+    # 0.3 m and 0.4 m a second off, 2 s long; one sigma is the root of 0.04 + 0.05.
+    summary = _summary()
+    assert summary["place_error_m"] == pytest.approx(1.0)
+    assert summary["max_place_error_m"] == pytest.approx(1.0)
+    assert summary["place_sd_m"] == pytest.approx(0.3)

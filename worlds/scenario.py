@@ -112,7 +112,7 @@ class Goal(Table, frozen=True):
 class Sensors(Table, frozen=True):
     """Which sensors the rover carries beside the camera."""
 
-    gnss: bool = True
+    gnss: bool = True  # without it and with stereo, rocks seen tell the rover where it is
     laser: bool = False
     stereo: bool = False
     laser_fails_s: float | None = None  # from then on the scanner is silent
@@ -232,6 +232,12 @@ LIMITS: dict[str, tuple[float, float]] = {
 def shipped_scenarios() -> tuple[str, ...]:
     """Names of the scenarios that come with the package, sorted."""
     return tuple(sorted(path.stem for path in _SHIPPED.glob("*.toml")))
+
+
+def without_gnss(scenario: Scenario) -> Scenario:
+    """The scenario with a second camera in the stead of the satellite receiver."""
+    sensors = msgspec.structs.replace(scenario.sensors, gnss=False, stereo=True)
+    return msgspec.structs.replace(scenario, sensors=sensors)
 
 
 def load_scenario(name_or_path: str) -> Scenario:

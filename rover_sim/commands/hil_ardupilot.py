@@ -72,20 +72,17 @@ def _session(args: argparse.Namespace, stage: Stage) -> Iterator[ArduPilotSessio
 
 
 def _write_parameters(path: Path, stage: Stage) -> None:
-    """Measure how the rover handles on the world's soil and write what follows; raises InputError."""
-    from rover_sim.errors import InputError
-    from rover_sim.files import write_text
+    """Measure how the rover handles and write what follows; raises InputError."""
+    from rover_sim.commands.hil_stage import write_parameters
     from rover_sim.hil.ardupilot_parameters import parameter_text, parameters
-    from rover_sim.hil.handling import measure_handling
 
-    scenario = stage.world.scenario
-    handling = measure_handling(stage.rover, stage.world.soil, scenario.gravity_m_s2)
-    about = f"ArduPilot Rover for {stage.rover.name} on {stage.world.soil.name}, {scenario.gravity_m_s2:g} m/s2"
-    values = parameters(stage.rover, handling, scenario.goal.radius_m)
-    try:
-        write_text(path, parameter_text(values, about))
-    except OSError as error:
-        raise InputError(f"--write-params {path}: {error.strerror}; give a file that may be written") from error
+    goal_radius_m = stage.world.scenario.goal.radius_m
+    write_parameters(
+        path,
+        stage,
+        "ArduPilot Rover",
+        lambda handling, about: parameter_text(parameters(stage.rover, handling, goal_radius_m), about),
+    )
 
 
 def _command(args: argparse.Namespace, address: Peer, stage: Stage) -> str:

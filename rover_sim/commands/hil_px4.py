@@ -123,17 +123,14 @@ def _peer(bind: str, stage: Stage, driven: Driven, transport: Transport, profile
 
 
 def _write_parameters(path: Path, stage: Stage, *, board: bool) -> None:
-    """Measure how the rover handles on the world's soil and write what follows; raises InputError."""
-    from rover_sim.errors import InputError
-    from rover_sim.files import write_text
-    from rover_sim.hil.handling import measure_handling
+    """Measure how the rover handles and write what follows; raises InputError."""
+    from rover_sim.commands.hil_stage import write_parameters
     from rover_sim.hil.px4_parameters import parameter_text, parameters
 
-    scenario = stage.world.scenario
-    handling = measure_handling(stage.rover, stage.world.soil, scenario.gravity_m_s2)
-    about = f"PX4 for {stage.rover.name} on {stage.world.soil.name}, {scenario.gravity_m_s2:g} m/s2"
-    values = parameters(stage.rover, handling, scenario.goal.radius_m, board=board)
-    try:
-        write_text(path, parameter_text(values, about))
-    except OSError as error:
-        raise InputError(f"--write-params {path}: {error.strerror}; give a file that may be written") from error
+    goal_radius_m = stage.world.scenario.goal.radius_m
+    write_parameters(
+        path,
+        stage,
+        "PX4",
+        lambda handling, about: parameter_text(parameters(stage.rover, handling, goal_radius_m, board=board), about),
+    )

@@ -13,9 +13,11 @@ from typing import Any, Protocol
 from rover_sim import run_folder
 from rover_sim.commands.traverse_display import expected_s, print_summary, progress_bar
 from rover_sim.driven_rover import STEPS_PER_S, home
+from rover_sim.errors import InputError
 from rover_sim.fault_log import AutopilotKind, idle_notes
-from rover_sim.files import output_folder
+from rover_sim.files import output_folder, write_text
 from rover_sim.hil.autopilot_link import AutopilotLink
+from rover_sim.hil.handling import Handling, measure_handling
 from rover_sim.hil.outputs import OutputDriver
 from rover_sim.hil.session import Driven, Watchers
 from rover_sim.mavlink.foreign_pursuit import Patience
@@ -103,6 +105,20 @@ def conduct(
     if summary["reason"] == Reason.LINK_LOST:
         return EXIT_LINK
     return 0 if summary["success"] else 1
+
+
+def write_parameters(path: Path, stage: Stage, title: str, text_of: Callable[[Handling, str], str]) -> None:
+    """Measure how the rover handles on the world's soil, and write the file that follows from it; raises InputError.
+
+    ``text_of`` makes it of the handling and a line that says what it is for.
+    """
+    gravity = stage.world.scenario.gravity_m_s2
+    handling = measure_handling(stage.rover, stage.world.soil, gravity)
+    about = f"{title} for {stage.rover.name} on {stage.world.soil.name}, {gravity:g} m/s2"
+    try:
+        write_text(path, text_of(handling, about))
+    except OSError as error:
+        raise InputError(f"--write-params {path}: {error.strerror}; give a file that may be written") from error
 
 
 def say(text: str) -> None:

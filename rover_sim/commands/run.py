@@ -28,6 +28,11 @@ def configure(parser: argparse.ArgumentParser) -> None:
         help='make all links bad, the planner\'s too, e.g. "loss=0.2,delay=0.3,jitter=0.1,dup=0.02,rate=9600"',
     )
     parser.add_argument(
+        "--no-gnss",
+        action="store_true",
+        help="no satellite receiver: wheels, inertial unit, compass and the rocks that two cameras see tell the place",
+    )
+    parser.add_argument(
         "--record-video", action="store_true", help="also write camera.mp4: every picture with what was seen in it"
     )
 
@@ -44,9 +49,11 @@ def execute(args: argparse.Namespace) -> int:
     from rover_sim.stop_flag import stop_flag
     from rover_sim.traverse import RunOptions, open_traverse
     from worlds.build import build_world
-    from worlds.scenario import load_scenario
+    from worlds.scenario import load_scenario, without_gnss
 
     scenario = load_scenario(args.scenario)
+    if args.no_gnss:
+        scenario = without_gnss(scenario)
     rover = load_rover(scenario.rover.model)
     folder = args.out or Path("runs") / f"{scenario.name}-{args.seed}"
     faults = None if args.link is None else parse_faults(args.link)

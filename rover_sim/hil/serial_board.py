@@ -7,10 +7,11 @@ usual MAVLink beside the HIL messages: whoever else wants to talk to it must be 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 
-from rover_sim.errors import InputError
+from rover_sim.errors import InputError, LinkError
 from rover_sim.mavlink.serial_port import SerialPort
-from rover_sim.mavlink.transport import Transport, open_link, parse_url
+from rover_sim.mavlink.transport import LinkUrl, Transport, open_link, parse_url
 
 DEFAULT_SPEED = 921600
 # A step's HIL_SENSOR takes up to 77 bytes, and a byte on the line ten bits: 250 of them a second, and a little else.
@@ -24,7 +25,49 @@ def is_board(bind: str) -> bool:
     return bind.startswith("/dev/")
 
 
-def open_board(bind: str) -> SerialPort:
+class BoardPort:
+    """The device of a board; when it is gone, as while a board on USB starts again, it is looked for anew."""
+
+    is_stream = True
+
+    def __init__(self, url: LinkUrl) -> None:
+        """Raises LinkError without a device, InputError for its speed."""
+        self._url = url
+        self._port, self._count = SerialPort(url), 1
+
+    def peers(self, time_s: float) -> tuple[str, ...]:
+        """The board, under another name after each start."""
+        return (self._name,) if self._port.peers(time_s) else ()
+
+    def send(self, frame: bytes, peer: str, time_s: float) -> None:
+        """Send whole frames."""
+        if peer == self._name:
+            self._port.send(frame, self._url.host, time_s)
+
+    def receive(self, time_s: float) -> Chunks:
+        """Bytes since the last call."""
+        if not self._port.peers(time_s):
+            self._look_again()
+        return [(self._name, data) for _, data in self._port.receive(time_s)]
+
+    def handles(self) -> tuple[int, ...]:
+        """The device, while it is there."""
+        return self._port.handles()
+
+    def close(self) -> None:
+        """Release the device."""
+        self._port.close()
+
+    @property
+    def _name(self) -> str:
+        return f"{self._url.host} {self._count}"
+
+    def _look_again(self) -> None:
+        with suppress(LinkError):  # still away: the next call looks again
+            self._port, self._count = SerialPort(self._url), self._count + 1
+
+
+def open_board(bind: str) -> BoardPort:
     """The line of ``/dev/DEVICE[,SPEED]``; raises InputError for a bad speed, LinkError without a device."""
     url = parse_url(bind if "," in bind else f"{bind},{DEFAULT_SPEED}")
     if url.port < _LEAST_SPEED:
@@ -32,7 +75,7 @@ def open_board(bind: str) -> SerialPort:
             f"--bind {bind!r}: speed {url.port} is too slow for sensors at 250 Hz; "
             f"allowed: {_LEAST_SPEED} or more (USB ignores the number)"
         )
-    return SerialPort(url)
+    return BoardPort(url)
 
 
 class LineEnd:
@@ -63,8 +106,8 @@ class LineEnd:
         return self._line.transport.handles()
 
     def close(self) -> None:
-        """Release the line for all."""
-        self._line.close()
+        """Forget what was not taken; the line is for others too, and stays open."""
+        self.waiting = []
 
 
 class SharedLine:

@@ -73,6 +73,11 @@ class Companion:
         return ""
 
     @property
+    def reverses(self) -> bool:
+        """Our own vehicle backs up."""
+        return True
+
+    @property
     def owns_mission(self) -> bool | None:
         """Whether the vehicle's mission was uploaded here; None without a mission, or where ids are not told."""
         held = self.status.mission_id

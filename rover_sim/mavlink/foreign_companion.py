@@ -55,6 +55,8 @@ class ForeignCompanion:
         self._was_linked = False
         self._begun_s: float | None = None  # when the mission sent last was started
         self._texts_read_s = -math.inf
+        self._asked: PendingCommand | None = None  # to tell of its estimator
+        self._looked_into: tuple[int, int | None, int] | None = None  # mission, and what the vehicle told of another
         self._handlers = self._all_handlers()
 
     @property
@@ -93,6 +95,11 @@ class ForeignCompanion:
     def sent(self) -> tuple[WireItem, ...]:
         """The mission that was given last, home first; empty before any was."""
         return () if self._latest is None else self._latest.items
+
+    @property
+    def reverses(self) -> bool:
+        """Whether its missions can make it drive backwards, as far as is known."""
+        return self.found is None or mavlink.MAV_CMD_DO_SET_REVERSE not in self.found.rules.unsupported
 
     @property
     def owns_mission(self) -> bool | None:
@@ -211,6 +218,9 @@ class ForeignCompanion:
             self._ask_for_streams(found)
             self._uploader.check(time_s)
         self._was_linked = self.linked
+        if self._asked is not None and self._asked.result not in (None, mavlink.MAV_RESULT_ACCEPTED):
+            self._asked = None
+            self._readiness.refused()
         heard = self._watch.status
         self._pursuit.tick(heard, self.waits_for, time_s)
         if self._begun_s is None and self._drives_latest():
@@ -235,8 +245,12 @@ class ForeignCompanion:
             self._send(mavlink.MAVLink_heartbeat_message(kind, no_autopilot, 0, 0, mavlink.MAV_STATE_ACTIVE, 3))
 
     def _ask_for_streams(self, found: Found) -> None:
-        for message, rate_hz in found.rules.streams_hz.items():
+        """The first of them is the estimator's."""
+        asked = [
             self._requests.command(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, float(message), 1e6 / rate_hz)
+            for message, rate_hz in found.rules.streams_hz.items()
+        ]
+        self._asked = asked[0]
 
     def _look_after_mission(self, heard: VehicleStatus) -> None:
         """Read the vehicle's mission again where somebody else seems to have changed it."""
@@ -252,7 +266,10 @@ class ForeignCompanion:
             return
         other_size = heard.total not in (None, self._uploader.vehicle_items)
         other_id = 0 not in (heard.mission_id, verified.opaque_id) and heard.mission_id != verified.opaque_id
-        if other_size or other_id or any(text.lower().startswith(_UPLOADED) for text in fresh):
+        told = verified.number, heard.total, heard.mission_id
+        news = (other_size or other_id) and told != self._looked_into
+        if news or any(text.lower().startswith(_UPLOADED) for text in fresh):
+            self._looked_into = told
             self._uploader.check(self._time_s)
 
     def _drives_latest(self) -> bool:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from rover_sim.autopilot.modes import Mode
+from rover_sim.autopilot.modes import Mode, Severity
 from rover_sim.mavlink.commander import Commander, CommandState, PendingCommand
 from rover_sim.mavlink.dialect import mavlink
 from rover_sim.mavlink.foreign_readiness import COMPLAINT_S, complaint
@@ -58,7 +58,7 @@ class Pursuit:
         self._accepted: tuple[Mode, float] | None = None  # the mode that it took last
         self._armed_s: float | None = None
         self._doubt_s: float | None = None  # when a start was left unanswered: it may be in Auto, or not
-        self._paused = False
+        self._paused, self._paused_s = False, 0.0  # holding for a new mission, since then
 
     def meet(self, rules: AutopilotRules) -> None:
         """The vehicle is there."""
@@ -98,6 +98,7 @@ class Pursuit:
             return
         if self._taken(self.wish, status):
             self._end(CommandState.FAILED)
+            self._paused = False
         else:
             self._next(self.wish, status, waits_for, time_s)
 
@@ -134,6 +135,8 @@ class Pursuit:
     def _taken(self, wish: Wish, status: VehicleStatus) -> bool:
         """Whether an armed vehicle is in a mode that neither was nor is wanted: a person's, or a fail-safe's."""
         mode, armed = self._told(status)
+        if self._paused and any(at_s > self._paused_s and grave <= Severity.ERROR for at_s, grave, _ in status.texts):
+            return True  # a fail-safe's hold looks like ours
         if wish.handle.state is CommandState.DONE:
             return mode != wish.mode
         return armed and self._base is not None and mode not in (self._base, Mode.HOLD, wish.mode)
@@ -170,7 +173,7 @@ class Pursuit:
         self._since_s.pop(step, None)
         if step in ("hold", "mode"):
             self._accepted, self._doubt_s = (self._sent_mode, time_s), None
-            self._paused = step == "hold"
+            self._paused, self._paused_s = step == "hold", time_s
         elif step == "arm":
             self._armed_s = time_s
         else:

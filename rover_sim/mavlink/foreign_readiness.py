@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from math import inf
 
 from rover_sim.mavlink.dialect import Message, mavlink
 from rover_sim.mavlink.foreign_rules import POSITION_KNOWN, AutopilotRules
@@ -33,6 +34,10 @@ class Readiness:
     def meet(self, rules: AutopilotRules, time_s: float) -> None:
         """The vehicle is there."""
         self._rules, self._met_s = rules, time_s
+
+    def refused(self) -> None:
+        """The vehicle has said that it does not tell of its estimator."""
+        self._met_s = -inf
 
     def look(self, time_s: float) -> None:
         """Time goes on; to be called after the messages."""

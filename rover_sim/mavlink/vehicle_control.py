@@ -56,6 +56,11 @@ class VehicleControl(Protocol):
         ...
 
     @property
+    def reverses(self) -> bool:
+        """Whether a mission can make it drive backwards."""
+        ...
+
+    @property
     def owns_mission(self) -> bool | None:
         """Whether the vehicle's mission was uploaded here; None without a mission, or where nothing tells."""
         ...
