@@ -101,14 +101,23 @@ def step(
             following = improved(passed, plan, place)
             plan = aimed(plan, following)
     plan, decision = navigator.step(plan, observation, estimate, time_s, scan)
-    if decision.kind != "no_path" or not following.legs or following.refusals >= MOST_REPLANS:
+    if decision.kind != "no_path" or not following.legs:
         return following, plan, decision
-    other = _passed(blocked(following, place, decision.reason), place)
+    following, plan = given_up(following, plan, place, decision.reason)
+    if plan.end is not None:
+        return following, plan, plan.end
+    plan, decision = navigator.step(plan, None, estimate, time_s)
+    return following, plan, decision
+
+
+def given_up(following: Following, plan: NavigatorState, place: Place, reason: str) -> tuple[Following, NavigatorState]:
+    """Both after the present leg turned out not to be drivable: on another route, or at the end if there is none."""
+    if following.refusals >= MOST_REPLANS:
+        return following, replace(plan, end=Decision("no_path", f"{reason}, after {following.refusals} other routes"))
+    other = _passed(blocked(following, place, reason), place)
     if other.route.refusal is not None:
-        ended = Decision("no_path", f"{decision.reason}; and over the map: {other.route.reason}")
-        return other, replace(plan, end=ended), ended
-    plan, decision = navigator.step(aimed(plan, other), None, estimate, time_s)
-    return other, plan, decision
+        return other, replace(plan, end=Decision("no_path", f"{reason}; and over the map: {other.route.reason}"))
+    return other, aimed(plan, other)
 
 
 def improved(following: Following, plan: NavigatorState, place: Place) -> Following:

@@ -279,6 +279,11 @@ class OnboardComputer:
         if not near:
             self._stop_place_w, self._first_stop_s = place, estimate.time_s
         self._tried_s = estimate.time_s - self._first_stop_s
+        if self.route is not None and self.exhausted:
+            # Where the rover cannot get on, the route may know another way.
+            reason, self._stops_here = f"stopped {self._stops_here} times about one place ({self.stop_text})", 0
+            xy = (float(place[0]), float(place[1]))
+            self.route, self.plan = route_following.given_up(self.route, self.plan, xy, reason)
         self.plan = navigator.note_trouble(self.plan, estimate)
         self._decision, self._upload = None, None
         self._want(Mode.HOLD)

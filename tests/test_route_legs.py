@@ -138,6 +138,13 @@ def test_where_no_other_way_is_left_both_reasons_are_told() -> None:
     assert plan.end is decision
 
 
+def test_after_eight_other_routes_the_rover_gives_up() -> None:
+    following, plan = started(bumps())
+    _, plan = route_following.given_up(replace(following, refusals=8), plan, START, "stuck")
+    assert plan.end is not None
+    assert plan.end.reason == "stuck, after 8 other routes"
+
+
 def test_a_refused_route_ends_the_plan_before_it_begins() -> None:
     _, plan = started(bumps(), goal=(200.0, 30.0))
     assert plan.end is not None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from itertools import pairwise
 
@@ -10,8 +11,10 @@ import numpy as np
 import pytest
 
 from perception.pipeline import Knowledge, load_knowledge
-from planner import navigator
+from planner import navigator, route_following
 from planner.relocation import Located
+from planner.route_cost import slope_costs
+from planner.route_ground import ElevationMap
 from rover_sim.autopilot.autopilot import Autopilot
 from rover_sim.autopilot.modes import Mode
 from rover_sim.mavlink.dialect import Message, mavlink
@@ -23,7 +26,7 @@ from rover_sim.onboard import STOPS_ALLOWED, OnboardComputer
 from tests.mavlink_rig import FOOTPRINT, KinematicRover, Station
 from worlds.geometry import camera_pose
 from worlds.scenario import Origin
-from worlds.types import CameraModel, Frame, GroundPlane
+from worlds.types import CameraModel, Frame, GroundPlane, HeightField
 
 HOME = (0.0, 0.0, 0.0)
 CAMERA = CameraModel(320, 240, 207.8, (0.3, 0.0, 1.1), float(np.radians(25.0)))
@@ -96,6 +99,25 @@ def test_stops_without_getting_on_exhaust_it(knowledge: Knowledge) -> None:
     drive.run(lambda: drive.onboard.exhausted or drive.onboard.plan.end is not None, 300.0)
     stops = drive.onboard.counts.failsafe_stops
     assert stops > STOPS_ALLOWED or (drive.onboard.plan.end is not None and drive.onboard.plan.end.kind == "no_path")
+
+
+def test_with_a_route_another_way_is_tried_where_the_rover_cannot_get_on(knowledge: Knowledge) -> None:
+    drive = Drive((8.0, 0.0), knowledge)
+    flat = ElevationMap.of(HeightField(np.zeros((61, 61)), 1.0, (-30.0, -30.0)))
+    costs = slope_costs("mars_sand", FOOTPRINT)
+    route = route_following.begin(flat, costs, (0.0, 0.0), (25.0, 0.0), 0.5)
+    plan = navigator.begin((25.0, 0.0), 0.5, FOOTPRINT, (0.0, 0.0))
+    computer = OnboardComputer(drive.stack.companion, drive.stack.frame, HOME, plan, knowledge, route=route)
+    for stop in range(STOPS_ALLOWED + 1):
+        estimate = replace(drive.rover.estimate(), time_s=15.0 * stop)
+        computer._note_stop(estimate)
+        assert not computer.exhausted
+    assert computer.route is not None
+    assert computer.route.refusals == 1
+    assert computer.route.reasons[0].startswith("stopped 7 times about one place")
+    assert computer.route.route.cost > route.route.cost
+    assert computer.plan.end is None
+    assert computer.plan.ladder.back_first
 
 
 def test_a_person_who_sets_hold_keeps_the_rover_until_auto_is_set_again(knowledge: Knowledge) -> None:
