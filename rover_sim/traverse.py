@@ -121,6 +121,7 @@ class Traverse:
         self._stack, self._steps, self._steps_per_s = link, 0, steps_per_s
         try:
             check_start(world, rover.footprint())
+            route = first_route(world, rover.footprint()) if options.way is None else None
             self.rover = DrivenRover(world, rover, driver, steps_per_s, options.autopilot)
             self._renderer = make_renderer(world, self.simulation.ruts) if "camera" in self._eyes else None
             scanner_rng = np.random.default_rng([world.seed, LASER_STREAM])
@@ -131,7 +132,7 @@ class Traverse:
         self._computer: OnboardComputer | None = None
         self.onboard: Pilot
         if options.way is None:
-            self.onboard = self._computer = self._planner()
+            self.onboard = self._computer = self._planner(route)
         else:
             self.onboard = GivenWay(self._stack.companion, self._stack.frame, home(world), options.way)
 
@@ -227,7 +228,7 @@ class Traverse:
         """Write the mission that the vehicle holds, in both of QGroundControl's formats."""
         self._stack.save_plans(waypoints, plan)
 
-    def _planner(self) -> OnboardComputer:
+    def _planner(self, route: Following | None) -> OnboardComputer:
         """A pilot that sees and plans."""
         scenario = self.world.scenario
         goal = scenario.goal
@@ -238,7 +239,7 @@ class Traverse:
         )
         periods = {name: eye.steps / self._steps_per_s for name, eye in self._eyes.items()}
         knowledge = load_knowledge("rendered")
-        link, route = self._stack, first_route(self.world, self.rover.footprint)
+        link = self._stack
         return OnboardComputer(link.companion, link.frame, home(self.world), plan, knowledge, periods, route)
 
     def _control(self) -> None:

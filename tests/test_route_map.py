@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import tifffile
 
+from rover_sim.cli import main
 from rover_sim.errors import InputError
 from rover_sim.route_map import averaged, first_route, from_orbit, route_map
 from tests.data import data_path
@@ -122,6 +123,19 @@ def test_holes_of_a_file_are_not_driven(tmp_path: Path) -> None:
     assert route is not None
     assert route.route.refusal == "no_way"
     assert "without heights" in route.route.reason
+
+
+def test_a_run_with_a_map_elsewhere_is_one_line_and_exit_2(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    saved(tmp_path)
+    scenario = tmp_path / "far.toml"
+    scenario.write_text(
+        'name = "far"\n[terrain]\nkind = "flat"\n[route]\nmap = "map.npy"\nmiddle_m = [500.0, 0.0]\n', encoding="utf-8"
+    )
+    assert main(["run", str(scenario), "--out", str(tmp_path / "run")]) == 2
+    told = capsys.readouterr().err.strip()
+    assert "route.map = " in told
+    assert "does not cover rover.start_m = [0, 0]" in told
+    assert "Traceback" not in told
 
 
 def test_without_the_table_there_is_no_route() -> None:
