@@ -83,18 +83,18 @@ class DrivenRover:
         self.estimate: PoseEstimate = localization.estimate(self.located)
 
     def _at_rest(self, world: World) -> tuple[SensorModel, LocalizationState]:
-        """The belief at the start: on the home point, with GNSS turned as the compass says, else as surveyed."""
+        """The belief at the start: with GNSS on the home point and turned as the compass says, else as surveyed."""
         readings, gravity = self.simulation.read_sensors(), world.scenario.gravity_m_s2
-        x, y, z = home(world)
-        place = (x, y, z + self.footprint.wheel_radius_m)
         if world.scenario.sensors.gnss:
-            model = SensorModel(gravity_m_s2=gravity)
+            x, y, z = home(world)
+            place, model = (x, y, z + self.footprint.wheel_radius_m), SensorModel(gravity_m_s2=gravity)
             return model, localization.start(readings, place, model=model)
-        model = model_without_satellites(gravity)
+        # What a survey measures is the rover as it has come to rest: on rough ground that may have turned it by degrees.
+        model, pose = model_without_satellites(gravity), self.simulation.state.pose
         off = np.random.default_rng([world.seed, SURVEY_STREAM]).standard_normal(4)
-        x, y, z = (np.asarray(place) + SURVEY_SD_M * off[:3]).tolist()
-        heading = euler_from_quaternion(world.start.quaternion_w)[2] + SURVEY_HEADING_SD_RAD * off[3]
-        surveyed = float(heading), SURVEY_HEADING_SD_RAD
+        x, y, z = (pose.position_w + SURVEY_SD_M * off[:3]).tolist()
+        heading = euler_from_quaternion(pose.quaternion_w)[2] + SURVEY_HEADING_SD_RAD * float(off[3])
+        surveyed = heading, SURVEY_HEADING_SD_RAD
         return model, localization.start(readings, (x, y, z), SURVEY_SD_M, model, surveyed)
 
     def close(self) -> None:

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from planner.route_following import Following
 from rover_sim.files import atomic_path
+from rover_sim.report.believed_track import draw_believed_track
 from rover_sim.report.ground_map import draw_ground, draw_ruts
 from rover_sim.report.route_drawing import draw_route
 from rover_sim.sim.mobility_events import Kind, MobilityEvent
@@ -153,6 +154,7 @@ def run_figure(world: World, data: MapData) -> Figure:
     if data.ruts is not None:
         draw_ruts(map_axes, data.ruts)
     _draw_events(map_axes, data.events)
+    draw_believed_track(map_axes, data.trace)
     if data.route is not None:
         draw_route(map_axes, data.route)
     _draw_belief(map_axes, data)
