@@ -89,7 +89,7 @@ class DrivenRover:
             x, y, z = home(world)
             place, model = (x, y, z + self.footprint.wheel_radius_m), SensorModel(gravity_m_s2=gravity)
             return model, localization.start(readings, place, model=model)
-        # What a survey measures is the rover as it has come to rest: on rough ground that may have turned it by degrees.
+        # A survey measures the rover as it has come to rest: on rough ground that may have turned it by degrees.
         model, pose = model_without_satellites(gravity), self.simulation.state.pose
         off = np.random.default_rng([world.seed, SURVEY_STREAM]).standard_normal(4)
         x, y, z = (pose.position_w + SURVEY_SD_M * off[:3]).tolist()

@@ -241,7 +241,7 @@ def test_a_closed_loop_undoes_the_drift_of_its_way() -> None:
 
 
 def test_a_rover_that_meets_another_world_says_that_it_is_lost() -> None:
-    state, _, known = drive(1, seconds=8.0)
+    state, _, known = drive(1, seconds=14.0)
     rng = np.random.default_rng(99)
     strange = np.column_stack([rng.uniform(-2, 20, 220), rng.uniform(-5, 5, 220), np.full(220, -0.16)])
     size, pose = np.full(220, 0.6), np.array([*state.mean[:2], state.mean[YAW]])
