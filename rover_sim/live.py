@@ -40,6 +40,13 @@ TLOG = "telemetry.tlog"
 FILES = (TLOG, "trace.npz", "mission.waypoints", "mission.plan", "scenario.toml")
 
 
+def clear(folder: Path) -> None:
+    """Remove what an earlier one left, but for the log, which has begun anew with the links."""
+    for name in FILES:
+        if name != TLOG:
+            (folder / name).unlink(missing_ok=True)
+
+
 @dataclass(frozen=True)
 class LiveStatus:
     """What a display needs."""

@@ -29,9 +29,13 @@ FILES = (
 
 
 def clear(folder: Path) -> None:
-    """Remove what an earlier run left, so that no file of it is taken for the new one's."""
+    """Remove what an earlier run left, so that no file of it is taken for the new one's.
+
+    For after the links are open, so that a taken port costs nothing; the log that they write to has begun anew.
+    """
     for name in (*FILES, VIDEO):
-        (folder / name).unlink(missing_ok=True)
+        if name != TLOG:
+            (folder / name).unlink(missing_ok=True)
 
 
 def write(folder: Path, traverse: Traverse, sights: Sights, summary: dict[str, Any]) -> None:

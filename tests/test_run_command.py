@@ -175,12 +175,16 @@ def test_a_wrong_scenario_is_one_line_that_names_it(
     assert not (tmp_path / "runs").exists()  # a run that cannot begin leaves nothing behind
 
 
-def test_a_port_in_use_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_port_in_use_is_one_line_and_costs_no_results(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    before = tmp_path / "out" / "summary.json"
+    before.parent.mkdir()
+    before.write_text("of an earlier run", encoding="utf-8")
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
         taken.bind(("127.0.0.1", 0))
         url = f"udpin:127.0.0.1:{taken.getsockname()[1]}"
         assert main(["run", _scenario(tmp_path), "--out", str(tmp_path / "out"), "--connect", url]) == 3
     assert url in capsys.readouterr().err.strip().splitlines()[-1]
+    assert before.read_text(encoding="utf-8") == "of an earlier run"
 
 
 def test_an_out_folder_that_cannot_be_made_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

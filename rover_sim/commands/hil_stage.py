@@ -95,10 +95,11 @@ def conduct(
         world = build_world(scenario, args.seed, source=args.scenario)
         for note in (*world.notes, *idle_notes(scenario.event, kind)):
             say(note)
-        run_folder.clear(output_folder(folder))
+        output_folder(folder)
         with Sights(expected_s(scenario) / 2, None, scenario.camera.rate_hz) as sights:
             stage = Stage(world, rover, folder, args.autopilot, kind, Watchers(show, stopped, sights.take, say))
             with open_session(stage) as session:
+                run_folder.clear(folder)
                 summary = session.run()
                 run_folder.write(folder, session.traverse, sights, summary)
     print_summary(summary, folder)

@@ -62,14 +62,13 @@ def execute(args: argparse.Namespace) -> int:
         world = build_world(scenario, args.seed, source=args.scenario)
         for note in (*world.notes, *idle_notes(scenario.event, "built-in")):
             print(f"rover-sim run: {note}", file=sys.stderr)  # noqa: T201 - one line that a user must see
-        run_folder.clear(output_folder(folder))
+        output_folder(folder)
         video = folder / run_folder.VIDEO if args.record_video else None
         half_way_s = expected_s(scenario) / 2
-        with (
-            open_traverse(world, rover, options, folder / run_folder.TLOG) as traverse,
-            Sights(half_way_s, video, scenario.camera.rate_hz) as sights,
-        ):
-            summary = traverse.run(show, stopped, sights.take)
-            run_folder.write(folder, traverse, sights, summary)
+        with open_traverse(world, rover, options, folder / run_folder.TLOG) as traverse:
+            run_folder.clear(folder)
+            with Sights(half_way_s, video, scenario.camera.rate_hz) as sights:
+                summary = traverse.run(show, stopped, sights.take)
+                run_folder.write(folder, traverse, sights, summary)
     print_summary(summary, folder)
     return 0 if summary["success"] else 1

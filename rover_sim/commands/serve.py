@@ -73,11 +73,10 @@ def execute(args: argparse.Namespace) -> int:
         for note in (*world.notes, *idle_notes(scenario.event, "built-in")):
             print(f"rover-sim serve: {note}", file=sys.stderr)  # noqa: T201 - one line that a user must see
         output_folder(folder)
-        for name in live.FILES:
-            (folder / name).unlink(missing_ok=True)
         with live.LiveRover(
             world, rover, TABLE[args.persona], urls, folder / live.TLOG, faults, args.params, signing
         ) as vehicle:
+            live.clear(folder)
             if args.plan is not None:
                 vehicle.vehicle.load_plan(args.plan)
             print(f"rover-sim serve: {args.persona} rover on {', '.join(urls)}; Ctrl-C ends", file=sys.stderr)  # noqa: T201
