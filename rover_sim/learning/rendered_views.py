@@ -100,7 +100,7 @@ def rendered_views(world: World, count: int, plane_reach_m: float = 0.5) -> Iter
         if (apart < world.rocks.extents_m[:, 0] / 2 + _STANDING_ROOM_M).any():
             continue
         stand = plane_around(world.ground, x, y, 0.5)
-        pose = camera_pose(_body_pose(stand, yaw, rover.wheel.radius_m), camera)
+        pose = camera_pose(body_pose(stand, yaw, rover.wheel.radius_m), camera)
         truth = renderer.render(camera, pose)
         believed = GroundPlane(stand.point_w, plane_around(world.ground, x, y, plane_reach_m).normal_w)
         image = add_noise(truth.image, Camera().noise, rng)
@@ -151,7 +151,7 @@ def matches(labels: IntArray, ids: IntArray) -> dict[int, int]:
     return {int(label): int(identity) for label, identity in pairs[mutual]}
 
 
-def _body_pose(stand: GroundPlane, yaw_rad: float, wheel_radius_m: float) -> Pose:
+def body_pose(stand: GroundPlane, yaw_rad: float, wheel_radius_m: float) -> Pose:
     """Pose of a rover that stands on a plane and heads along ``yaw_rad``."""
     forward = np.array([np.cos(yaw_rad), np.sin(yaw_rad), 0.0])
     forward -= (forward @ stand.normal_w) * stand.normal_w

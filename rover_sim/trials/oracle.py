@@ -18,7 +18,13 @@ AROUND_M = 6.0  # ground beside start and goal that a way round may use
 
 
 def oracle_length_m(world: World, footprint: Footprint) -> float | None:
-    """Length of about the shortest way into the goal's circle; None where there is none.
+    """Length of the oracle's way; None where there is none."""
+    way = oracle_way(world, footprint)
+    return None if way is None else float(np.linalg.norm(np.diff(way, axis=0), axis=1).sum())
+
+
+def oracle_way(world: World, footprint: Footprint) -> FloatArray | None:
+    """About the shortest way (N, 2) into the goal's circle; None where there is none.
 
     The way keeps half the rover's width from every obstacle higher than its belly. Turning needs room too, which this
     leaves out.
@@ -42,8 +48,7 @@ def oracle_length_m(world: World, footprint: Footprint) -> float | None:
     cells = [first[0] * shape[1] + first[1]]
     while onward.flat[cells[-1]] >= 0:
         cells.append(int(onward.flat[cells[-1]]))
-    way = places.reshape(-1, 2)[cells]
-    return float(np.linalg.norm(np.diff(_pulled(way, table, need - STEP_M), axis=0), axis=1).sum())
+    return _pulled(places.reshape(-1, 2)[cells], table, need - STEP_M)
 
 
 def best_route(world: World, footprint: Footprint) -> tuple[CostMap, Route]:
