@@ -11,11 +11,11 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from rover_sim.sim.wong_reece import climbing_slip, steady_wheel
 from rover_sim.slope.bands import STALL_SLIP
 from rover_sim.slope.rig import Setup, slope_drive, travel_slip
 from tests.test_slope_reference import SLIP_TOLERANCE, reference_rover
 from tests.wong_reece_reference import MASS_KG, SINKAGE_SLIP, SLOPES_DEG, TABLE, WHEEL, Row, reference_soil
+from worlds.wong_reece import climbing_slip, steady_wheel
 
 Slip = float | None
 

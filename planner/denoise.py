@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
+from numpy.typing import NDArray
 from scipy import fft, ndimage
 
+from planner.risk_prior import MapError
 from planner.route_ground import ElevationMap, square_reach
 from worlds.types import BoolArray, FloatArray, HeightField
 
@@ -19,23 +23,61 @@ def denoised(ground: ElevationMap) -> ElevationMap:
     comes back is that of white noise which would make slopes as wrong as they still are. Unknown heights stay so.
     Source: Wiener, Extrapolation, Interpolation and Smoothing of Stationary Time Series (1949), on two axes.
     """
+    spectrum = _spectrum(ground)
+    if spectrum is None:
+        return ground
+    heights, shape = ground.field.heights_m, spectrum.shape
+    kept = fft.irfft2(spectrum.waves * spectrum.share, s=shape)[: heights.shape[0], : heights.shape[1]]
+    shows = _slope_power(shape, ground.field.resolution_m)
+    left = spectrum.noise * float((spectrum.share * shows).mean() / shows.mean())
+    clean = np.where(np.isfinite(heights), spectrum.broad + kept, np.nan)
+    field = HeightField(clean, ground.field.resolution_m, ground.field.origin_m)
+    return ElevationMap(field, np.full(heights.shape, left))
+
+
+def error_left(ground: ElevationMap, roughness_m: float = 0.0) -> MapError:
+    """How far `denoised` of a measured map still is from the ground: spread, and the distance of equal slope errors.
+
+    A wave of power S under noise N is known to S N / (S + N) (Wiener). ``roughness_m`` is passed on.
+    """
+    spectrum = _spectrum(ground)
+    if spectrum is None:
+        return MapError(0.0, ground.field.resolution_m, roughness_m)
+    down, across = _wave_numbers(spectrum.shape)
+    twice = np.ones(spectrum.share.shape)  # a real transform holds half of the waves
+    twice[:, 1:-1] = 2.0
+    left = twice * spectrum.noise * spectrum.share
+    waves = 2.0 * np.pi / ground.field.resolution_m * np.hypot(down, across)
+    variance, count = float(left.sum()) / (twice.sum()), twice.sum()
+    slopes = float((left * waves**2).sum()) / count  # along both axes together
+    return MapError(float(np.sqrt(variance)), float(np.sqrt(4.0 * variance / max(slopes, 1e-12))), roughness_m)
+
+
+@dataclass(frozen=True, eq=False)
+class _Spectrum:
+    """A map taken apart: broad shape, waves of the rest, and which share of each wave is ground."""
+
+    broad: FloatArray
+    waves: NDArray[np.complex128]
+    share: FloatArray
+    shape: tuple[int, ...]
+    noise: float  # variance of a height
+
+
+def _spectrum(ground: ElevationMap) -> _Spectrum | None:
+    """None for a map without noise."""
     heights = ground.field.heights_m
     known = np.isfinite(heights)
     noise = float(ground.variance_m2[known].mean()) if known.any() else 0.0
     if noise <= 0.0:
-        return ground
+        return None
     filled = heights if known.all() else _nearest(heights, known)
     broad = ndimage.gaussian_filter(filled, BROAD_CELLS, mode="reflect")
     shape = tuple(2 * size for size in heights.shape)  # mirrored, so that edges do not leap
     wide = np.pad(filled - broad, [(0, size) for size in heights.shape], mode="symmetric")
     waves = fft.rfft2(wide)
     ground_power = np.maximum(_rings(np.abs(waves) ** 2 / wide.size) - noise, 0.0)
-    share = ground_power / (ground_power + noise)
-    clean = broad + fft.irfft2(waves * share, s=shape)[: heights.shape[0], : heights.shape[1]]
-    shows = _slope_power(shape, ground.field.resolution_m)
-    left = noise * float((share * shows).mean() / shows.mean())
-    field = HeightField(np.where(known, clean, np.nan), ground.field.resolution_m, ground.field.origin_m)
-    return ElevationMap(field, np.full(heights.shape, left))
+    return _Spectrum(broad, waves, ground_power / (ground_power + noise), shape, noise)
 
 
 def _nearest(heights: FloatArray, known: BoolArray) -> FloatArray:

@@ -77,7 +77,7 @@ def follow_path(
     """
     x, y = pose.pose.position_w[:2].tolist()
     path_w = np.array(path_w, dtype=np.float64)
-    arc, length = _arc_on_path(path_w, x, y, progress.arc_m)
+    arc, length = arc_on_path(path_w, x, y, progress.arc_m)
     end_x, end_y = path_w[-1].tolist()
     to_end = hypot(end_x - x, end_y - y)
     left = length - arc
@@ -87,7 +87,7 @@ def follow_path(
     yaw = euler_from_quaternion(pose.pose.quaternion_w)[2] + (pi if reverse else 0.0)
     speed_now = hypot(*pose.velocity_w[:2].tolist())
     lookahead = limits.lookahead_m + limits.lookahead_time_s * speed_now
-    ahead_x, ahead_y = _point_at(path_w, arc + lookahead)
+    ahead_x, ahead_y = point_at(path_w, arc + lookahead)
     error = wrap_angle(atan2(ahead_y - y, ahead_x - x) - yaw)
     turning = abs(error) > (limits.turn_end_rad if progress.turning else limits.turn_start_rad)
     following = Progress(arc, turning, progress.arrived)
@@ -190,7 +190,7 @@ def _clamp(value: float, most: float) -> float:
 
 
 @numba.njit("UniTuple(f8, 2)(f8[:, ::1], f8, f8, f8)", cache=True)  # at import: a rover must not stand and compile
-def _arc_on_path(path_w: FloatArray, x_m: float, y_m: float, arc_m: float) -> tuple[float, float]:
+def arc_on_path(path_w: FloatArray, x_m: float, y_m: float, arc_m: float) -> tuple[float, float]:
     """Arc length of the path's point nearest to (x_m, y_m) and the path's length.
 
     Only the stretch from 0.3 m behind the last arc to 2 m ahead counts: a path that meets itself is not cut short.
@@ -215,7 +215,7 @@ def _arc_on_path(path_w: FloatArray, x_m: float, y_m: float, arc_m: float) -> tu
 
 
 @numba.njit("UniTuple(f8, 2)(f8[:, ::1], f8)", cache=True)
-def _point_at(path_w: FloatArray, arc_m: float) -> tuple[float, float]:
+def point_at(path_w: FloatArray, arc_m: float) -> tuple[float, float]:
     """Point of the path at an arc length; the last one beyond its end."""
     start = 0.0
     for i in range(path_w.shape[0] - 1):

@@ -17,10 +17,10 @@ from rover_sim.sim.rut_kernels import PILED_SHARE, TILE_TEXELS, Ruts, press_rut,
 from rover_sim.sim.ruts import RutField, load_ruts, no_ruts
 from rover_sim.sim.simulation import Simulation
 from rover_sim.sim.terramechanics import WheelSoil
-from rover_sim.sim.wong_reece import WheelShape, steady_wheel
 from tests.sim_factory import make_world, slope
 from worlds.soil import PRESETS, Soil
 from worlds.types import FloatArray, SoilMap, World
+from worlds.wong_reece import WheelShape, steady_wheel
 
 ROVER = load_rover("husky")
 TRACK = 0.5 * ROVER.track_m

@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rover_sim.sim.wong_reece import WheelShape, climbing_slip, steady_wheel, wheel_table
 from worlds.errors import ScenarioError
 from worlds.soil import PRESETS, Soil, soil_preset
+from worlds.wong_reece import WheelShape, climbing_slip, steady_wheel, wheel_table
 
 WHEEL = WheelShape(0.165, 0.114)
 

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 from rover_sim.sim.rover import RoverModel, load_rover
-from rover_sim.sim.wong_reece import climbing_slip, steady_wheel
 from rover_sim.slope.bands import STALL_SLIP
 from rover_sim.slope.rig import Setup, slope_drive, travel_slip
 from tests.wong_reece_reference import MASS_KG, SINKAGE_SLIP, SLOPES_DEG, TABLE, WHEEL, Row, reference_soil
+from worlds.wong_reece import climbing_slip, steady_wheel
 
 SLIP_TOLERANCE = 0.03
 SINKAGE_TOLERANCE = 0.10

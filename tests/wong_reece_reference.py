@@ -10,8 +10,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from rover_sim.sim.wong_reece import WheelShape
 from worlds.soil import PRESETS, Soil
+from worlds.wong_reece import WheelShape
 
 MASS_KG = 50.0
 WHEEL = WheelShape(radius_m=0.165, width_m=0.114)

@@ -8,11 +8,11 @@ from pathlib import Path
 import msgspec
 
 from rover_sim.sim.rover_checks import check_rover
-from rover_sim.sim.wong_reece import WheelShape
 from worlds.errors import ScenarioError
 from worlds.scenario import Camera
 from worlds.strict_toml import Limits, check_limits, convert_table, read_table
 from worlds.types import CameraModel, Footprint, LaserModel, RigidBody, Vector3
+from worlds.wong_reece import WheelShape
 
 _FOLDER = Path(__file__).parent / "rovers"
 CHASSIS = "chassis"  # what wheels and arms sit on if on no arm

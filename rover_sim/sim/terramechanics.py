@@ -10,9 +10,9 @@ from rover_sim.sim import soil_kernels as kernel
 from rover_sim.sim.rover import RoverModel
 from rover_sim.sim.rut_kernels import Ruts
 from rover_sim.sim.ruts import RutField, no_ruts
-from rover_sim.sim.wong_reece import WheelTable, wheel_table
 from worlds.soil import Soil
 from worlds.types import ByteArray, FloatArray, HeightField, SoilMap
+from worlds.wong_reece import WheelTable, wheel_table
 
 _VERTICAL_DAMPING_RATIO = 0.5
 _SETTLING_RATE_1_s = 20.0  # how fast soil gives way under a growing load

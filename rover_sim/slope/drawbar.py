@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from rover_sim.sim.simulation import Simulation
-from rover_sim.sim.wong_reece import steady_wheel
 from rover_sim.sim.world import set_gravity
 from rover_sim.slope.rig import Setup, plane_world
 from worlds.soil_file import load_soil
+from worlds.wong_reece import steady_wheel
 
 IMPOSED_SLIPS = (0.02, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6, 0.8, 0.95)
 

@@ -199,6 +199,15 @@ def wheel_table(soil: Soil, wheel: WheelShape, largest_load_N: float, points: in
     return WheelTable(values, load_step, deepest)
 
 
+def wheel_curve(
+    soil: Soil, wheel: WheelShape, load_N: float, columns: int, *, rut_m: float = 0.0, points: int = 41
+) -> FloatArray:
+    """Forces (columns, 4) as in `WheelTable` of one load in one rut, over slips (j / (columns - 1))^2."""
+    table = np.zeros((2, columns, 4))
+    _fill(table, sqrt(load_N), _pack(soil, wheel, rut_m), points)
+    return np.asarray(table[1])
+
+
 def climbing_slip(soil: Soil, wheel: WheelShape, load_N: float, pull_N: float) -> float | None:
     """Smallest slip at which the drawbar pull reaches ``pull_N``; None where the wheel stalls (no slip <= 0.98)."""
     for slip in np.arange(0.0, 0.9801, 0.005):
