@@ -228,7 +228,7 @@ def note_trouble(state: NavigatorState, estimate: PoseEstimate, radius_m: float 
 
     If it was driving, and not turning onto its way, the place ahead is avoided from now on; only the last few such
     places are, as each may have been soft ground or a bend, and together they would wall the rover in. A rover that
-    was getting on, and stands upright, goes on: up steep sand wheels slip by 40 % all the way.
+    was getting on, on a slope and upright, goes on: up steep sand wheels slip by 40 % all the way.
     """
     if _gets_on(state, estimate):
         return replace(state, way=None)
@@ -241,8 +241,10 @@ def note_trouble(state: NavigatorState, estimate: PoseEstimate, radius_m: float 
 
 
 def _gets_on(state: NavigatorState, estimate: PoseEstimate) -> bool:
-    """Whether the rover was driving a way, moved on to the end, and does not lean."""
+    """Whether the rover was driving a way on a slope, moved on to the end, and does not lean much more."""
     if state.way is None or state.manoeuvre is not None or tilt(estimate) > UPRIGHT_RAD or not state.lately:
+        return False
+    if state.slope_rad < np.deg2rad(SLOPE_DEG):
         return False
     then_s, *before = state.lately[0]
     moved_m, since_s = float(np.hypot(*(estimate.pose.position_w[:2] - before))), estimate.time_s - then_s

@@ -129,14 +129,18 @@ def test_only_the_last_places_of_trouble_are_avoided_and_none_for_a_manoeuvre() 
 
 
 @pytest.mark.parametrize(
-    ("speed_m_s", "tilt_rad", "goes_on"), [(0.25, 0.2, True), (0.1, 0.2, False), (0.25, 0.6, False)]
+    ("speed_m_s", "slope_rad", "tilt_rad", "goes_on"),
+    [(0.25, 0.2, 0.2, True), (0.1, 0.2, 0.2, False), (0.25, 0.2, 0.6, False), (0.25, 0.0, 0.0, False)],
 )
-def test_a_stop_of_a_rover_that_gets_on_is_no_trouble(speed_m_s: float, tilt_rad: float, *, goes_on: bool) -> None:
+def test_a_stop_of_a_rover_that_gets_on_up_a_slope_is_no_trouble(
+    speed_m_s: float, slope_rad: float, tilt_rad: float, *, goes_on: bool
+) -> None:
     state = navigator.begin((10.0, 0.0), 0.5, FOOTPRINT, (0.0, 0.0))
     for n in range(9):  # two looks a second
         pose = (0.5 * n * speed_m_s, 0.0, 0.0)
         seen = look(DiscWorld.of([]), np.array(pose), 0.5 * n, None)
-        state, _ = navigator.step(state, seen, pose_at(*pose, 0.5 * n), 0.5 * n)
+        climbing = Pose(np.array([pose[0], 0.0, 0.165]), quaternion_from_euler(0.0, -slope_rad, 0.0))
+        state, _ = navigator.step(state, seen, replace(pose_at(*pose, 0.5 * n), pose=climbing), 0.5 * n)
     x, time_s = speed_m_s * 4.2, 4.2
     leaning = Pose(np.array([x, 0.0, 0.165]), quaternion_from_euler(0.0, -tilt_rad, 0.0))
     stopped = replace(pose_at(x, 0.0, 0.0, time_s), pose=leaning)
