@@ -7,7 +7,6 @@ the rover's own monitor has, or the slope carries it off sideways, it does not d
 
 from __future__ import annotations
 
-import tomllib
 from dataclasses import dataclass, fields
 from functools import cache
 from pathlib import Path
@@ -16,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from worlds.errors import InputError
+from worlds.strict_toml import read_table
 from worlds.types import FloatArray, Footprint, IntArray
 
 KNOWLEDGE = Path(__file__).parent / "knowledge" / "slopes.toml"
@@ -113,10 +113,7 @@ def soils() -> dict[str, SoilSlopes]:
 
 def load_soils(path: Path) -> dict[str, SoilSlopes]:
     """Soils of a TOML file; InputError names the file and what is wrong with it."""
-    try:
-        tables: dict[str, Any] = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: cannot be read as TOML ({error})") from error
+    tables = read_table(path)
     slopes = np.array(tables.pop("slope_deg", []), dtype=np.float64)
     if len(slopes) < 2 or slopes[0] != 0.0 or np.any(np.diff(slopes) <= 0.0) or not tables:
         raise InputError(

@@ -6,18 +6,15 @@ the regional and global scales of Seraji, 2003. The rules stand in ``knowledge/r
 
 from __future__ import annotations
 
-import tomllib
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from scipy import ndimage
 
 from planner.route_cost import error_level
-from worlds.errors import InputError
-from worlds.fuzzy import RuleBase, evaluate, rule_base
+from worlds.fuzzy import RuleBase, evaluate, rule_bases
 from worlds.types import BoolArray, FloatArray, HeightField, IntArray
 
 KNOWLEDGE = Path(__file__).parent / "knowledge" / "route.toml"
@@ -161,14 +158,4 @@ def shipped_rules() -> RouteRules:
 
 def load_rules(path: Path) -> RouteRules:
     """Rules of a TOML file; InputError names the file and what is wrong with it."""
-    try:
-        tables: dict[str, Any] = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: cannot be read as TOML ({error})") from error
-    if set(tables) != set(INPUTS):
-        raise InputError(f"{path}: has the tables {', '.join(sorted(tables))}; exactly {', '.join(sorted(INPUTS))}")
-    bases = {name: rule_base(tables[name], f"{path}: {name}") for name in INPUTS}
-    for name, wanted in INPUTS.items():
-        if set(bases[name].input_names) != wanted:
-            raise InputError(f"{path}: {name}.input must be exactly {', '.join(sorted(wanted))}")
-    return RouteRules(**bases)
+    return RouteRules(**rule_bases(path, INPUTS))

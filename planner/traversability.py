@@ -6,14 +6,11 @@ rules stand in ``knowledge/traversability.toml``.
 
 from __future__ import annotations
 
-import tomllib
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
-from typing import Any
 
-from worlds.errors import InputError
-from worlds.fuzzy import RuleBase, evaluate, rule_base
+from worlds.fuzzy import RuleBase, evaluate, rule_bases
 from worlds.types import FloatArray
 
 KNOWLEDGE = Path(__file__).parent / "knowledge" / "traversability.toml"
@@ -60,14 +57,4 @@ def shipped_rules() -> TraversabilityRules:
 
 def load_rules(path: Path) -> TraversabilityRules:
     """Rules of a TOML file; InputError names the file and what is wrong with it."""
-    try:
-        tables: dict[str, Any] = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise InputError(f"{path}: cannot be read as TOML ({error})") from error
-    if set(tables) != set(STAGES):
-        raise InputError(f"{path}: has the tables {', '.join(sorted(tables))}; exactly {', '.join(sorted(STAGES))}")
-    bases = {stage: rule_base(tables[stage], f"{path}: {stage}") for stage in STAGES}
-    for stage, wanted in STAGES.items():
-        if set(bases[stage].input_names) != wanted:
-            raise InputError(f"{path}: {stage}.input must be exactly {', '.join(sorted(wanted))}")
-    return TraversabilityRules(**bases)
+    return TraversabilityRules(**rule_bases(path, STAGES))

@@ -28,11 +28,13 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache, reduce
+from pathlib import Path
 from typing import Any, Literal, TypeGuard
 
 import numpy as np
 
 from worlds.errors import InputError
+from worlds.strict_toml import read_table
 from worlds.types import BoolArray, FloatArray, IntArray
 
 Corners = tuple[float, float, float, float]
@@ -239,6 +241,21 @@ def rule_base(table: Mapping[str, Any], source: str) -> RuleBase:
     if not rules:
         raise InputError(f"{source}: rule is empty; at least one rule is needed")
     return RuleBase(inputs, outputs[0], rules, norm, aggregation)
+
+
+def rule_bases(path: Path, inputs: Mapping[str, set[str]]) -> dict[str, RuleBase]:
+    """The rule bases of a TOML file, one a table; ``inputs``: the tables it must have, and the inputs of each.
+
+    Raises InputError that names the file and what is wrong with it.
+    """
+    tables = read_table(path)
+    if set(tables) != set(inputs):
+        raise InputError(f"{path}: has the tables {', '.join(sorted(tables))}; exactly {', '.join(sorted(inputs))}")
+    bases = {name: rule_base(tables[name], f"{path}: {name}") for name in inputs}
+    for name, wanted in inputs.items():
+        if set(bases[name].input_names) != wanted:
+            raise InputError(f"{path}: {name}.input must be exactly {', '.join(sorted(wanted))}")
+    return bases
 
 
 def _known(table: Mapping[str, Any], allowed: set[str], source: str, key: str) -> None:
