@@ -22,7 +22,9 @@ NAV: Choices = {
     "cfa": (0.02, 0.05, 0.07, 0.10, 0.15, 0.20),
     "slope_deg": (0.0, 5.0, 10.0),
     "soil": ("firm", "mars_sand", "loose_sand"),
+    "sensors": ("camera",),
 }
+NAV_SENSORS = ("camera", "stereo")  # the first is the usual one
 SENSORS = ("laser", "camera")
 SUITES = ("nav", "obstacle-course", "route")
 _GOLDEN_DEG = 180.0 * (3.0 - math.sqrt(5.0))  # successive seeds climb in directions spread evenly
@@ -62,11 +64,18 @@ def _choices(suite: str, usual: Choices, chosen: Choices) -> dict[str, Sequence[
 def _nav(choices: Choices, seeds: Sequence[int]) -> list[Trial]:
     base = load_scenario("rock-field")
     grid = [dict(zip(choices, values, strict=True)) for values in product(*choices.values())]
-    return [Trial("nav", cell, seed, _nav_scenario(base, cell, seed)) for cell in grid for seed in seeds]
+    return [Trial("nav", _told(cell), seed, _nav_scenario(base, cell, seed)) for cell in grid for seed in seeds]
+
+
+def _told(cell: Mapping[str, Value]) -> dict[str, Value]:
+    """The cell without the usual sensors, so that keys of tables from before there was a choice still hold."""
+    return {name: value for name, value in cell.items() if (name, value) != ("sensors", NAV_SENSORS[0])}
 
 
 def _nav_scenario(base: Scenario, cell: Mapping[str, Value], seed: int) -> Scenario:
     """The rock field of one cell; with the seed the slope turns, so that a cell has all of up, down and across."""
+    if cell["sensors"] not in NAV_SENSORS:
+        raise InputError(f"--cells sensors={cell['sensors']}: allowed are {' and '.join(NAV_SENSORS)}")
     azimuth = (seed * _GOLDEN_DEG) % 360.0
     terrain = msgspec.structs.replace(
         base.terrain, slope_deg=float(cell["slope_deg"]), slope_azimuth_deg=round(azimuth, 3)
@@ -77,6 +86,7 @@ def _nav_scenario(base: Scenario, cell: Mapping[str, Value], seed: int) -> Scena
         terrain=terrain,
         rocks=msgspec.structs.replace(base.rocks, cfa=float(cell["cfa"])),
         soil=SoilChoice(preset=str(cell["soil"])),
+        sensors=msgspec.structs.replace(base.sensors, stereo=cell["sensors"] == "stereo"),
     )
     check_scenario(scenario, "--cells")
     return scenario
