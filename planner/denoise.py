@@ -53,6 +53,12 @@ def error_left(ground: ElevationMap, roughness_m: float = 0.0) -> MapError:
     return MapError(float(np.sqrt(variance)), float(np.sqrt(4.0 * variance / max(slopes, 1e-12))), roughness_m)
 
 
+def nearest_known(heights: FloatArray, known: BoolArray) -> FloatArray:
+    """The heights (ny, nx) with unknown ones taken from the nearest known cell."""
+    places = ndimage.distance_transform_edt(~known, return_distances=False, return_indices=True)
+    return np.asarray(heights[tuple(places)])
+
+
 @dataclass(frozen=True, eq=False)
 class _Spectrum:
     """A map taken apart: broad shape, waves of the rest, and which share of each wave is ground."""
@@ -71,19 +77,13 @@ def _spectrum(ground: ElevationMap) -> _Spectrum | None:
     noise = float(ground.variance_m2[known].mean()) if known.any() else 0.0
     if noise <= 0.0:
         return None
-    filled = heights if known.all() else _nearest(heights, known)
+    filled = heights if known.all() else nearest_known(heights, known)
     broad = ndimage.gaussian_filter(filled, BROAD_CELLS, mode="reflect")
     shape = tuple(2 * size for size in heights.shape)  # mirrored, so that edges do not leap
     wide = np.pad(filled - broad, [(0, size) for size in heights.shape], mode="symmetric")
     waves = fft.rfft2(wide)
     ground_power = np.maximum(_rings(np.abs(waves) ** 2 / wide.size) - noise, 0.0)
     return _Spectrum(broad, waves, ground_power / (ground_power + noise), shape, noise)
-
-
-def _nearest(heights: FloatArray, known: BoolArray) -> FloatArray:
-    """The heights with unknown ones taken from the nearest known cell."""
-    places = ndimage.distance_transform_edt(~known, return_distances=False, return_indices=True)
-    return np.asarray(heights[tuple(places)])
 
 
 def _wave_numbers(shape: tuple[int, ...]) -> tuple[FloatArray, FloatArray]:

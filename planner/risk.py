@@ -6,6 +6,7 @@ A few hundred rollouts of a reduced rover (`planner.risk_kernels`), each over an
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import ceil, pi
 
@@ -13,10 +14,11 @@ import numpy as np
 from scipy.special import betaincinv
 
 from planner import risk_kernels as kernels
+from planner.denoise import nearest_known
 from planner.mobility import MOST_DRIFT_RAD, Limits
 from planner.monitor import MonitorLimits
 from planner.risk_prior import MapError, SoilPrior, check_map_error, draw_error, draw_soils
-from planner.risk_soil import traction
+from planner.risk_soil import Traction, traction
 from worlds.errors import InputError
 from worlds.types import FloatArray, Footprint, HeightField, IntArray, Vector3
 from worlds.wong_reece import WheelShape
@@ -25,6 +27,7 @@ ROLLOUTS = 200
 PLACE_SD_M = 0.05  # of where the rover believes to be
 TILT_LIMIT_DEG, TILT_S, STUCK_S = 35.0, 0.5, 6.0  # the autopilot's fail-safes
 COVERAGE = 0.95  # of the intervals
+AROUND_M = 3.0  # of ground beside a way, and twice what map errors reach
 _SLOWEST_SHARE = 0.3  # of the cruise speed, that bounds the time of a rollout
 
 
@@ -86,15 +89,77 @@ def forecast(
 
     Raises InputError for a prior or an error of the map that cannot be, and for too short a way.
     """
+    return forecasts([way_w], ground, error, prior, vehicle, gravity_m_s2, rng, rollouts)[0]
+
+
+def forecasts(
+    ways_w: Sequence[FloatArray],
+    ground: HeightField,
+    error: MapError,
+    prior: SoilPrior,
+    vehicle: Vehicle,
+    gravity_m_s2: float,
+    rng: np.random.Generator,
+    rollouts: int = ROLLOUTS,
+) -> tuple[Forecast, ...]:
+    """The forecast of each of some ways; rollouts of one number drive in the same soil on all of them.
+
+    Each way (N, 2), N >= 2, begins at rest. The ground may have gaps (NaN) beside the ways, where the nearest height
+    goes on. Raises InputError as `forecast` does.
+    """
     check_map_error(error)
-    if rollouts < 1 or len(way_w) < 2:
-        raise InputError(f"risk forecast: {rollouts} rollouts over {len(way_w)} points; at least 1 over 2 are wanted")
-    soils = traction(
-        draw_soils(prior, rollouts, rng), vehicle.wheel, 0.25 * vehicle.mass_kg * gravity_m_s2, gravity_m_s2
+    for way in ways_w:
+        if rollouts < 1 or len(way) < 2:
+            raise InputError(f"risk forecast: {rollouts} rollouts over {len(way)} points; at least 1 over 2 are wanted")
+    load_N = 0.25 * vehicle.mass_kg * gravity_m_s2
+    soils = traction(draw_soils(prior, rollouts, rng), vehicle.wheel, load_N, gravity_m_s2)
+    car, around_m = constants(vehicle, gravity_m_s2), AROUND_M + 2.0 * error.correlation_m
+    return tuple(
+        summarise(_rolled(way, clipped(ground, way, around_m), error, soils, car, rng, rollouts)) for way in ways_w
     )
-    car, way = constants(vehicle, gravity_m_s2), np.ascontiguousarray(way_w, dtype=np.float64)
+
+
+def joined(legs: Sequence[Forecast]) -> Forecast:
+    """The forecast of legs (one at least) driven one after the other, that were forecast together.
+
+    A rollout ends at the first leg on whose end it does not come.
+    """
+    ends = np.array([leg.ends for leg in legs])
+    last = np.where((ends != kernels.ARRIVED).any(axis=0), (ends != kernels.ARRIVED).argmax(axis=0), len(legs) - 1)
+    driven = np.arange(len(legs))[:, None] <= last
+    results = np.zeros((ends.shape[1], kernels.RESULTS))
+    results[:, kernels.END] = np.take_along_axis(ends, last[None, :], axis=0)[0]
+    results[:, kernels.ARC] = (driven * [leg.arcs_m for leg in legs]).sum(axis=0)
+    results[:, kernels.LATERAL] = (driven * [leg.lateral_m for leg in legs]).max(axis=0)
+    return summarise(results)
+
+
+def clipped(ground: HeightField, way_w: FloatArray, around_m: float) -> HeightField:
+    """The part of a field that lies within a distance of a way's box, at least 2 x 2, gaps filled by the nearest."""
+    cell, shape = ground.resolution_m, np.array(ground.heights_m.shape[::-1])
+    low = np.floor((way_w.min(axis=0) - around_m - np.asarray(ground.origin_m)) / cell).astype(int)
+    high = np.ceil((way_w.max(axis=0) + around_m - np.asarray(ground.origin_m)) / cell).astype(int) + 1
+    low, high = np.clip(low, 0, shape - 2), np.clip(high, 2, shape)
+    heights = ground.heights_m[low[1] : high[1], low[0] : high[0]]
+    if not np.isfinite(heights).all():
+        heights = nearest_known(heights, np.isfinite(heights))
+    corner = ground.origin_m[0] + cell * float(low[0]), ground.origin_m[1] + cell * float(low[1])
+    return HeightField(np.ascontiguousarray(heights), cell, corner)
+
+
+def _rolled(
+    way_w: FloatArray,
+    ground: HeightField,
+    error: MapError,
+    soils: Traction,
+    car: FloatArray,
+    rng: np.random.Generator,
+    rollouts: int,
+) -> FloatArray:
+    """Results (rollouts, RESULTS) of driving a way, each in its soil and over its own draw of the map."""
+    way = np.ascontiguousarray(way_w, dtype=np.float64)
     length = float(np.linalg.norm(np.diff(way, axis=0), axis=1).sum())
-    steps = ceil(length / (_SLOWEST_SHARE * vehicle.cruise_m_s) / kernels.STEP_S) + 200
+    steps = ceil(length / (_SLOWEST_SHARE * car[kernels.CRUISE]) / kernels.STEP_S) + 200
     grid = (*ground.origin_m, 1.0 / ground.resolution_m)
     results = np.zeros((rollouts, kernels.RESULTS))
     for i, result in enumerate(results):
@@ -102,7 +167,7 @@ def forecast(
         bumps, place = rng.normal(size=(steps, 4)), PLACE_SD_M * rng.normal(size=2)
         soil = soils.curves[i], soils.load_exponent[i]
         kernels.roll_out(drawn, grid, way, *soil, car, place, error.roughness_m, bumps, result)
-    return summarise(results)
+    return results
 
 
 def summarise(results: FloatArray) -> Forecast:

@@ -21,7 +21,9 @@ COLUMNS = 15  # slips of a curve, (j / 14)^2
 PULL, RESISTANCE, SINKAGE, WALL, CONTACT = range(5)
 RUT_SLIP_COLUMN = 5  # slip 0.13, at which the front wheels press the ruts
 ARC_POINTS = 25  # of the integrals
-ROUNDS = 8
+ROUNDS = 8  # at most ...
+CLOSE = 2e-4  # ... or until slips change by less
+FALSE_POSITIONS = 4  # in a segment of the curve
 EARTH_M_S2 = 9.80665  # at which soils are weighed
 
 
@@ -96,26 +98,53 @@ def slips(curve: FloatArray, climb: float, side: float, scrub: float) -> tuple[f
         if need < 1e-9:
             return 0.0, 0.0
         size = _size(curve, need, scrub)
+        before = along, across
         if size > 1.0:
             along, across = (1.0 if climb > 0.0 else -1.0), aside / need
-            continue
-        share = size / looked_up(curve, PULL, size)
-        along, across = share * ahead, share * aside
+        else:
+            share = size / looked_up(curve, PULL, size)
+            along, across = share * ahead, share * aside
+        if abs(along - before[0]) + abs(across - before[1]) < CLOSE:
+            break
     return along, across
 
 
 @njit(cache=True)
 def _size(curve: FloatArray, need: float, scrub: float) -> float:
     """Shear displacement over the contact length at which the soil gives ``need``, ``scrub`` across; 2 if never."""
-    pull = looked_up(curve, PULL, 1.0)
-    if pull * pull * (1.0 - scrub * scrub) <= need * need:
+    last = curve.shape[0] - 1
+    high = _spare(curve, last, 0.0, need, scrub)
+    if high <= 0.0:
         return 2.0
-    low, high = scrub, 1.0
-    for _ in range(24):
-        size = 0.5 * (low + high)
-        pull = looked_up(curve, PULL, size)
-        if size * size * (pull * pull - need * need) >= scrub * scrub * pull * pull:
-            high = size
+    first = sqrt(scrub) * last
+    below, above = int(first), last
+    while above - below > 1:
+        middle = (below + above) // 2
+        spare = _spare(curve, middle, 0.0, need, scrub)
+        if spare >= 0.0:
+            above, high = middle, spare
         else:
-            low = size
-    return high
+            below = middle
+    # False position within a segment of the curve; the end that stays is halved (Illinois).
+    start, end = max(first - below, 0.0), float(above - below)
+    low, side = _spare(curve, below, start, need, scrub), 0
+    for _ in range(FALSE_POSITIONS):
+        place = end - high * (end - start) / (high - low)
+        spare = _spare(curve, below, place, need, scrub)
+        if spare >= 0.0:
+            end, high, low, side = place, spare, 0.5 * low if side == 1 else low, 1
+        else:
+            start, low, high, side = place, spare, 0.5 * high if side == -1 else high, -1
+    root: float = (below + end) / last
+    return root * root
+
+
+@njit(cache=True)
+def _spare(curve: FloatArray, column: int, on: float, need: float, scrub: float) -> float:
+    """What is left of the squared pull along and across at a place ``on`` past a column of the curve."""
+    last = curve.shape[0] - 1
+    size = ((column + on) / last) ** 2
+    pull = curve[column, PULL] + (on * (curve[column + 1, PULL] - curve[column, PULL]) if on > 0.0 else 0.0)
+    across = scrub / size if size > scrub else (1.0 if scrub > 0.0 else 0.0)
+    spare: float = pull * pull * (1.0 - across * across) - need * need
+    return spare

@@ -34,6 +34,7 @@ class Refusal(StrEnum):
     START_FORBIDDEN = "start_forbidden"
     GOAL_FORBIDDEN = "goal_forbidden"
     NO_WAY = "no_way"
+    TOO_RISKY = "too_risky"
 
 
 @dataclass(frozen=True)

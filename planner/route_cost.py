@@ -84,7 +84,7 @@ def slope_costs(soil: str, footprint: Footprint, limits: SlopeLimits | None = No
     over = limits.over_limit
     along = np.where((rise <= up) & (rise >= -down), _along(figures, rise) * _tipping(rise, longitudinal), over)
     across = np.where(rise <= lean, _across(figures, rise) * _tipping(rise, lateral), over)[BINS:]
-    rows = _expected(along, mirrored=False), _expected(across, mirrored=True)
+    rows = expected(along, mirrored=False), expected(across, mirrored=True)
     return SlopeCosts(*rows, up, down, lean, figures.softness)
 
 
@@ -180,7 +180,7 @@ def _tipping(rise_deg: FloatArray, tip_deg: float) -> FloatArray:
     return np.asarray(1.0 + np.clip(np.abs(rise_deg) / tip_deg, 0.0, 1.0) ** 2)
 
 
-def _expected(cost: FloatArray, *, mirrored: bool) -> FloatArray:
+def expected(cost: FloatArray, *, mirrored: bool) -> FloatArray:
     """Mean (levels, N) of a table over a normal error of the rise; beyond its ends the table goes on as it ends.
 
     ``mirrored``: the table begins at the level and is the same on the other side.

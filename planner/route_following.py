@@ -12,10 +12,12 @@ from scipy import ndimage
 
 from planner import navigator
 from planner.navigator import Decision, NavigatorState
-from planner.route import CostMap, Place, Route, RouteModel, cost_map, plan_route, way_cost
+from planner.risk_slopes import priced
+from planner.route import CostMap, Place, Refusal, Route, RouteModel, cost_map, plan_route, way_cost
 from planner.route_cost import SlopeCosts
 from planner.route_ground import ElevationMap
 from planner.route_marks import Landmark, Leg, LegModel, landmarks, legs
+from planner.route_risk import RiskModel, RouteRisk, in_words, route_risk
 from planner.terrain_store import TerrainStore, fused, with_cells
 from worlds.types import BoolArray, FloatArray, HeightField, Observation, PoseEstimate, RangeScan
 
@@ -23,6 +25,7 @@ LEAVE_M = 4.0  # of forbidden ground that a rover which stands on it may cross t
 BLOCK_M = 1.5  # radius of the discs by which a leg that cannot be driven is blocked
 CLEAR_M = 2.5  # about the rover and about the goal, that are never blocked
 MOST_REPLANS = 8
+RISK_PRICES_M = (30.0, 100.0, 300.0, 1000.0)  # of a metre that surely fails, in the next routes
 LEAST_GAIN = 0.05  # of cost, for which a route is changed that can be driven
 CROWD_M = 2.0  # about which rocks are counted
 MOST_CROWDED = 0.8  # share of a cell that rocks may take as far as its cost goes
@@ -48,6 +51,9 @@ class Following:
     reasons: tuple[str, ...] = ()  # why each of those was given up
     refusals: int = 0  # how many of them because a leg could not be driven
     rocks_w: FloatArray = field(default_factory=lambda: np.zeros((0, 3)))  # (N, 3) x, y, radius of those to go round
+    risk_model: RiskModel | None = None  # None: no forecasts
+    risk: RouteRisk | None = None  # of the route
+    risks: tuple[RouteRisk | None, ...] = ()  # of former ones
 
     @property
     def leg(self) -> Leg:
@@ -69,13 +75,17 @@ def begin(
     goal_radius_m: float,
     model: RouteModel | None = None,
     leg_model: LegModel | None = None,
+    risk_model: RiskModel | None = None,
 ) -> Following:
-    """The first route; `Following.route` may be a refusal, and has no legs then."""
+    """The first route, or another within the limit of risk; `Following.route` may be a refusal without legs."""
     model, leg_model = model or RouteModel(), leg_model or LegModel()
     map_ = cost_map(ground, costs, model)
     route, marks = plan_route(map_, start_w, goal_w, model), landmarks(ground)
     cut = legs(map_, route, marks, leg_model)
-    return Following(TerrainStore(ground), costs, goal_w, goal_radius_m, route, cut, marks, model, leg_model)
+    first = Following(
+        TerrainStore(ground), costs, goal_w, goal_radius_m, route, cut, marks, model, leg_model, risk_model=risk_model
+    )
+    return within_limit(forecast(first, map_, start_w), start_w)
 
 
 def aimed(plan: NavigatorState, following: Following) -> NavigatorState:
@@ -132,7 +142,10 @@ def improved(following: Following, plan: NavigatorState, place: Place) -> Follow
     if new.refusal is not None or new.cost > (1.0 - LEAST_GAIN) * old:
         return told
     reason = f"what was seen makes another way cheaper: {new.cost:.0f} instead of {old:.0f}"
-    return _passed(_rerouted(told, map_, new, reason), place)
+    other = _rerouted(told, map_, new, reason, place)
+    if told.risk_model is not None and other.risk is not None and not other.risk.within(told.risk_model.limit):
+        return told
+    return _passed(other, place)
 
 
 def blocked(following: Following, place: Place, reason: str) -> Following:
@@ -141,7 +154,46 @@ def blocked(following: Following, place: Place, reason: str) -> Following:
     following = replace(following, blocked_w=discs, refusals=following.refusals + 1)
     map_ = driven_map(following)
     route = plan_route(map_, place, following.goal_w, replace(following.model, leave_m=LEAVE_M))
-    return _rerouted(following, map_, route, reason)
+    return within_limit(_rerouted(following, map_, route, reason, place), place)
+
+
+def within_limit(following: Following, place: Place) -> Following:
+    """The following on a route from ``place`` whose risk is within the limit; refused where none is found.
+
+    Each next route is planned with a higher price on slopes that may be more than the soil bears.
+    """
+    model, risk = following.risk_model, following.risk
+    if model is None or risk is None or risk.within(model.limit):
+        return following
+    hazard, plain, tried = model.hazard, following.costs, [risk]
+    for price_m in RISK_PRICES_M:
+        following = replace(following, costs=priced(plain, hazard, price_m))
+        map_ = driven_map(following)
+        route = plan_route(map_, place, following.goal_w, replace(following.model, leave_m=LEAVE_M))
+        following = _rerouted(following, map_, route, f"{in_words(tried[-1])}; risk.limit = {model.limit:g}", place)
+        if following.risk is None or following.risk.within(model.limit):
+            return following
+        tried.append(following.risk)
+    least = min(tried, key=lambda one: one.whole.fails.probability)
+    reason = f"the least risky of {len(tried)} routes {in_words(least)}; risk.limit = {model.limit:g}"
+    route = Route(np.zeros((0, 2)), np.inf, Refusal.TOO_RISKY, reason)
+    return _rerouted(following, map_, route, reason, place)
+
+
+def least_risky(following: Following) -> RouteRisk | None:
+    """The risk of the route, or of the least risky one tried where it is refused; None without a forecast."""
+    if following.risk is not None:
+        return following.risk
+    tried = [risk for risk in following.risks if risk is not None]
+    return min(tried, key=lambda risk: risk.whole.fails.probability, default=None)
+
+
+def forecast(following: Following, map_: CostMap, place: Place) -> Following:
+    """The following with the forecast of its route from ``place``, where one is wanted and there are legs."""
+    model, risk = following.risk_model, None
+    if model is not None and following.legs:
+        risk = route_risk(model, map_.grid, place, following.legs, len(following.routes))
+    return replace(following, risk=risk)
 
 
 def driven_map(following: Following) -> CostMap:
@@ -166,8 +218,8 @@ def _crowding(share: FloatArray, seen: BoolArray, grid: HeightField) -> FloatArr
     return np.where(seen, about, float(share[seen].mean()))
 
 
-def _rerouted(following: Following, map_: CostMap, route: Route, reason: str) -> Following:
-    return replace(
+def _rerouted(following: Following, map_: CostMap, route: Route, reason: str, place: Place) -> Following:
+    other = replace(
         following,
         route=route,
         legs=legs(map_, route, following.marks, following.leg_model),
@@ -175,7 +227,9 @@ def _rerouted(following: Following, map_: CostMap, route: Route, reason: str) ->
         driven=following.driven + following.legs[: following.at],
         routes=(*following.routes, following.route),
         reasons=(*following.reasons, reason),
+        risks=(*following.risks, following.risk),
     )
+    return forecast(other, map_, place)
 
 
 def _rocks(plan: NavigatorState) -> FloatArray:

@@ -7,12 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from planner.denoise import denoised
+from planner.risk import Vehicle
 from planner.route_cost import slope_costs
 from planner.route_following import Following, begin
 from planner.route_ground import ElevationMap
 from planner.route_marks import LegModel
 from rover_sim.errors import InputError
 from rover_sim.mavlink.geodesy import GeoPoint, LocalFrame
+from rover_sim.risk_belief import risk_model
 from worlds.dem_files import Raster, read_raster
 from worlds.heightfield import height_at
 from worlds.route_table import ORBITAL, RouteTable
@@ -33,29 +35,31 @@ class _Wanted:
     place: Place
 
 
-def first_route(world: World, footprint: Footprint) -> Following | None:
+def first_route(world: World, footprint: Footprint, vehicle: Vehicle | None = None) -> Following | None:
     """The route of a scenario before the drive, perhaps a refusal; None where it has no table ``[route]``.
 
-    Raises InputError as `route_map` does. The soil is believed to be the scenario's main one.
+    Raises InputError as `route_map` does. The soil is believed to be the scenario's main one. ``vehicle``: the rover
+    of forecasts of its risk; None: there are none.
     """
     scenario = world.scenario
     table = scenario.route
     if table is None:
         return None
-    ground = route_map(world, table, scenario.name)
+    measured = route_map(world, table, scenario.name)
     costs = slope_costs(scenario.soil.preset, footprint)
     start, goal = scenario.rover.start_m, scenario.goal
     model = LegModel(length_m=table.leg_m, pass_m=table.radius_m)
-    return begin(ground, costs, start, goal.position_m, goal.radius_m, leg_model=model)
+    risk = None if vehicle is None else risk_model(scenario, measured, vehicle, world.seed)
+    return begin(denoised(measured), costs, start, goal.position_m, goal.radius_m, leg_model=model, risk_model=risk)
 
 
 def route_map(world: World, table: RouteTable, source: str) -> ElevationMap:
-    """The map of a scenario's table ``[route]``, its noise filtered as far as it can be.
+    """The map of a scenario's table ``[route]`` as it was measured.
 
     Raises InputError, which begins with ``source``, for a file that cannot be used or does not cover start and goal.
     """
     if table.map == ORBITAL:
-        return denoised(from_orbit(world, table))
+        return from_orbit(world, table)
     ground = _from_file(world, table, source)
     scenario = world.scenario
     for wanted in (
@@ -63,7 +67,7 @@ def route_map(world: World, table: RouteTable, source: str) -> ElevationMap:
         _Wanted("goal.position_m", scenario.goal.position_m),
     ):
         _check_covers(ground.field, wanted, f'{source}: route.map = "{table.map}"')
-    return denoised(ground)
+    return ground
 
 
 def from_orbit(world: World, table: RouteTable) -> ElevationMap:

@@ -48,7 +48,7 @@ def _rolling_slip(trace: dict[str, NDArray[np.float64]], wheel_radius_m: float) 
     return np.abs(trace["slip"][rolling])
 
 
-def _tilt_deg(quaternion_w: NDArray[np.float64]) -> NDArray[np.float64]:
+def tilt_deg(quaternion_w: NDArray[np.float64]) -> NDArray[np.float64]:
     """Angle (n,) between the body's z axis and the vertical, degrees."""
     x, y = quaternion_w[:, 0], quaternion_w[:, 1]
     up = np.asarray(1 - 2 * (x * x + y * y))
@@ -72,7 +72,7 @@ def motion_figures(trace: dict[str, NDArray[np.float64]], identity: Identity) ->
         "path_inefficiency": _rounded(distance / straight - 1) if straight > 0 else None,
         "goal_distance_m": _rounded(np.hypot(*(position[-1, :2] - np.asarray(identity.goal_w)))),
         **belief_figures(trace),
-        "max_tilt_deg": _rounded(_tilt_deg(trace["quaternion_w"]).max(), 2),
+        "max_tilt_deg": _rounded(tilt_deg(trace["quaternion_w"]).max(), 2),
         "min_stability_margin": _rounded(trace["stability_margin"].min()),
         "mean_slip": _rounded(slip.mean() if slip.size else 0.0),
         "max_slip": _rounded(slip.max(initial=0.0)),
@@ -144,6 +144,7 @@ def summarize(
     events: Sequence[MobilityEvent],
     faults: Mapping[str, Any],
     route: Following | None = None,
+    risk: Mapping[str, Any] | None = None,
 ) -> dict[str, Any]:
     """All keys of ``summary.json``; ``detail`` is the sentence for a person behind ``reason``."""
     sim_time_s = float(trace["time_s"][-1])
@@ -161,6 +162,7 @@ def summarize(
         **event_figures(events),
         "faults": dict(faults),
         "route": None if route is None else route_figures(route),
+        "risk": risk,
         "ttam": None if ttam is None else _rounded(ttam, 2),
         "version": __version__,
     }

@@ -36,6 +36,9 @@ from rover_sim.onboard import OnboardComputer, Sight
 from rover_sim.outcome import Judge, Limits, Reason
 from rover_sim.pacing import WallClock
 from rover_sim.planner_link import PlannerLink
+from rover_sim.risk_belief import risk_vehicle
+from rover_sim.risk_figures import risk_figures
+from rover_sim.risk_watch import RiskWatch
 from rover_sim.route_map import first_route
 from rover_sim.scoring import ClassScore
 from rover_sim.sim.laser import LaserScanner
@@ -121,7 +124,9 @@ class Traverse:
         self._stack, self._steps, self._steps_per_s = link, 0, steps_per_s
         try:
             check_start(world, rover.footprint())
-            route = first_route(world, rover.footprint()) if options.way is None else None
+            route = (
+                first_route(world, rover.footprint(), risk_vehicle(rover, scenario)) if options.way is None else None
+            )
             self.rover = DrivenRover(world, rover, driver, steps_per_s, options.autopilot)
             self._renderer = make_renderer(world, self.simulation.ruts) if "camera" in self._eyes else None
             scanner_rng = np.random.default_rng([world.seed, LASER_STREAM])
@@ -129,6 +134,7 @@ class Traverse:
         except BaseException:
             self._stack.close()
             raise
+        self._risk = RiskWatch(link.companion.say)
         self._computer: OnboardComputer | None = None
         self.onboard: Pilot
         if options.way is None:
@@ -179,8 +185,9 @@ class Traverse:
     def summary(self, reason: Reason, detail: str, *, wall_time_s: float) -> dict[str, Any]:
         """The summary of what was driven so far."""
         scenario = self.world.scenario
+        trace = self.recorder.arrays()
         return summarize(
-            self.recorder.arrays(),
+            trace,
             Identity(
                 scenario=scenario.name,
                 seed=self.world.seed,
@@ -196,6 +203,7 @@ class Traverse:
             events=self.events,
             faults=self.rover.faults.summary(self.simulation.time_s),
             route=self.route,
+            risk=risk_figures(self._risk, trace, reason),
         )
 
     @property
@@ -247,6 +255,8 @@ class Traverse:
         readings = self.rover.control()
         self._stack.tick(self.simulation.time_s, self.rover.estimate, readings)
         self.onboard.tick(self.rover.estimate)
+        if self.route is not None:
+            self._risk.look(self.simulation.time_s, self.route, self.onboard.counts.failsafe_stops)
         if self.world.scenario.event:
             self.rover.faults.hear(self.simulation.time_s, self._stack.companion.status, self.onboard.doing)
 

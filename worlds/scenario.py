@@ -7,9 +7,10 @@ from typing import Literal
 
 import msgspec
 
-from worlds import fault_events, route_table, sensor_tables
+from worlds import fault_events, risk_table, route_table, sensor_tables
 from worlds.errors import ScenarioError
 from worlds.fault_events import Event, check_events
+from worlds.risk_table import RiskTable, check_risk
 from worlds.route_table import MAP_SUFFIXES, ORBITAL, RouteTable
 from worlds.sensor_tables import Actuator, Barometer, Encoder, Gnss, Imu, Magnetometer, check_sensors
 from worlds.soil_file import is_soil_file, load_soil
@@ -165,6 +166,7 @@ class Scenario(Table, frozen=True):
     sun: Sun = Sun()
     origin: Origin | None = None  # None: that of the elevation file, or the default one
     route: RouteTable | None = None  # None: straight to the goal, with what the rover sees
+    risk: RiskTable | None = None  # of that route
     imu: Imu | None = None  # these tables: see `worlds.sensor_tables`
     magnetometer: Magnetometer | None = None
     barometer: Barometer | None = None
@@ -226,6 +228,7 @@ LIMITS: dict[str, tuple[float, float]] = {
     **sensor_tables.LIMITS,
     **fault_events.LIMITS,
     **route_table.LIMITS,
+    **risk_table.LIMITS,
 }
 
 
@@ -275,9 +278,12 @@ def resolve_paths(scenario: Scenario, base_dir: Path) -> Scenario:
     route = scenario.route
     if route is not None and route.map != ORBITAL:
         route = replace(route, map=str((base_dir / route.map).resolve()))
+    risk = scenario.risk
+    if risk is not None:
+        risk = replace(risk, soils=tuple(soil_path(preset) for preset in risk.soils))
     patches = tuple(replace(patch, preset=soil_path(patch.preset)) for patch in soil.patch)
     soil = replace(soil, preset=soil_path(soil.preset), patch=patches)
-    return replace(scenario, terrain=terrain, soil=soil, rover=rover, route=route)
+    return replace(scenario, terrain=terrain, soil=soil, rover=rover, route=route, risk=risk)
 
 
 def check_scenario(scenario: Scenario, source: str) -> None:
@@ -298,6 +304,7 @@ def check_scenario(scenario: Scenario, source: str) -> None:
     check_events(scenario, source)
     check_sensors(scenario, source)
     _check_route(scenario.route, source)
+    check_risk(scenario.risk, source, routed=scenario.route is not None)
     if scenario.terrain.kind != "dem":
         _check_on_map(scenario, source)
 

@@ -40,7 +40,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 def execute(args: argparse.Namespace) -> int:
     """Run the traverse; 0 if the goal was reached, 1 if not."""
     from rover_sim import run_folder
-    from rover_sim.commands.traverse_display import expected_s, print_summary, progress_bar
+    from rover_sim.commands.traverse_display import expected_s, print_plan, print_summary, progress_bar
     from rover_sim.fault_log import idle_notes
     from rover_sim.files import output_folder
     from rover_sim.mavlink.faults import parse_faults
@@ -67,6 +67,7 @@ def execute(args: argparse.Namespace) -> int:
         half_way_s = expected_s(scenario) / 2
         with open_traverse(world, rover, options, folder / run_folder.TLOG) as traverse:
             run_folder.clear(folder)
+            print_plan(traverse.route)
             with Sights(half_way_s, video, scenario.camera.rate_hz) as sights:
                 summary = traverse.run(show, stopped, sights.take)
                 run_folder.write(folder, traverse, sights, summary)

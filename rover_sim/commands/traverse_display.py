@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from planner.route_following import Following
     from rover_sim.traverse import Status
     from worlds.scenario import Scenario
 
@@ -64,6 +65,32 @@ def progress_bar(name: str, seed: int) -> Iterator[Callable[[Status], None]]:
         yield show
 
 
+def print_plan(route: Following | None) -> None:
+    """The legs of a route with what is forecast of each, before it is driven; nothing without a forecast."""
+    from rich.console import Console
+    from rich.table import Table
+
+    from planner.route_following import least_risky
+    from planner.route_risk import in_words
+
+    risk = None if route is None else least_risky(route)
+    if route is None or risk is None or route.risk_model is None:
+        return
+    limit = route.risk_model.limit
+    allowed = "no limit" if limit is None else f"limit {100 * limit:.0f} %"
+    what = f"the route {in_words(risk)}; {allowed}" if route.route.refusal is None else f"refused: {route.route.reason}"
+    table = Table("leg", "to, m", "length, m", "fails", "rolls over", "sticks", "off its line, 95 %", title="Plan")
+    for number, (way, leg) in enumerate(zip(risk.ways_w, risk.legs, strict=True)):
+        chances = [f"{100 * chance.probability:.0f} %" for chance in (leg.fails, leg.rollover, leg.immobilised)]
+        mark = " <- riskiest" if number == risk.riskiest and leg.fails.probability > 0.0 else ""
+        length_m = math.dist(*way)
+        place = f"({way[1][0]:.1f}, {way[1][1]:.1f})"
+        table.add_row(f"{number + 1}", place, f"{length_m:.1f}", *chances, f"{leg.lateral_p95_m:.2f} m{mark}")
+    console = Console()
+    console.print(table)
+    console.print(what, highlight=False)
+
+
 def print_summary(summary: dict[str, Any], folder: Path) -> None:
     """Table of the figures, then where the files are."""
     from rich.console import Console
@@ -81,6 +108,9 @@ def print_summary(summary: dict[str, Any], folder: Path) -> None:
         over = "to the end" if fault["over_s"] is None else f"to {fault['over_s']:g} s"
         when = f"from {fault['time_s']:g} s {over}" if fault["happened"] else "did not happen"
         table.add_row("fault", f"{fault['fault']}, {when}")
+    if (risk := summary["risk"]) is not None:
+        limit = "no limit" if risk["limit"] is None else f"limit {100 * risk['limit']:.0f} %"
+        table.add_row("risk of failure, forecast", f"{100 * risk['route']['fails']:.0f} %, {limit}")
     console = Console()
     console.print(table)
     left = ", ".join(sorted(path.name for path in folder.iterdir()))

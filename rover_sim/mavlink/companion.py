@@ -11,6 +11,7 @@ from rover_sim.mavlink.commander import Commander, CommandState, PendingCommand
 from rover_sim.mavlink.dialect import Message, mavlink
 from rover_sim.mavlink.endpoint import Endpoint, Link
 from rover_sim.mavlink.geodesy import heading_deg
+from rover_sim.mavlink.status import status_texts
 from rover_sim.mavlink.uploader import Upload, Uploader, UploadState
 from rover_sim.mavlink.vehicle_control import Trouble
 from rover_sim.mavlink.vehicle_watch import VehicleStatus, VehicleWatch
@@ -40,6 +41,7 @@ class Companion:
         self._commander = Commander(self._send, system, target_component)
         self._watch = VehicleWatch()
         self._time_s = 0.0
+        self._texts = 0
         self._beat_s: float | None = None
         self._to_drive: Upload | None = None
         self._start_wish: StartWish | None = None
@@ -122,6 +124,12 @@ class Companion:
         """Turn on the spot to a heading in the world, in mode Guided."""
         self._start_wish = None
         return self.command(mavlink.MAV_CMD_CONDITION_YAW, heading_deg(yaw_rad))
+
+    def say(self, severity: int, text: str) -> None:
+        """Tell people a text (STATUSTEXT), by way of the vehicle; ``severity`` as in MAV_SEVERITY."""
+        self._texts = self._texts % 60000 + 1
+        for message in status_texts(severity, text, self._texts):
+            self._send(message)
 
     def tick(self, time_s: float) -> None:
         """Hear, answer, repeat, and show that we are here."""

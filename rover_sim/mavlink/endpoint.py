@@ -170,6 +170,12 @@ class Endpoint:
         for channel in self.channels:
             self._send(channel, message, component)
 
+    def forward(self, client: Client, message: Message) -> None:
+        """Pass on what another component of this system said, to all who have not heard it; the log has."""
+        for channel in self._channels.values():
+            if channel is not client.channel:
+                self._send(channel, message, client.component)
+
     def tell_as_simulator(self, message: Message) -> None:
         """Say something as the simulator, a component of its own, to those who are to hear it."""
         for channel in self.channels:

@@ -20,6 +20,7 @@ from rover_sim.mavlink.foreign_discovery import Found, find
 from rover_sim.mavlink.foreign_pursuit import Patience, Pursuit, Wish
 from rover_sim.mavlink.foreign_readiness import Readiness
 from rover_sim.mavlink.foreign_set_points import REFRESH_S, turn_message
+from rover_sim.mavlink.status import status_texts
 from rover_sim.mavlink.uploader import Upload
 from rover_sim.mavlink.vehicle_control import Trouble, TroubleKind
 from rover_sim.mavlink.vehicle_watch import VehicleStatus, VehicleWatch
@@ -55,6 +56,8 @@ class ForeignCompanion:
         self._was_linked = False
         self._begun_s: float | None = None  # when the mission sent last was started
         self._texts_read_s = -math.inf
+        self._texts = 0
+        self._to_say: list[Message] = []
         self._asked: PendingCommand | None = None  # to tell of its estimator
         self._looked_into: tuple[int, int | None, int] | None = None  # mission, and what the vehicle told of another
         self._handlers = self._all_handlers()
@@ -168,6 +171,11 @@ class ForeignCompanion:
         armed = before is not None and before.armed
         return self._wish(Wish(_handle(_SET_MODE, float(Mode.GUIDED)), Mode.GUIDED, yaw_rad=yaw_rad, armed=armed))
 
+    def say(self, severity: int, text: str) -> None:
+        """Tell people a text (STATUSTEXT), once the vehicle is found; ``severity`` as in MAV_SEVERITY."""
+        self._texts = self._texts % 60000 + 1
+        self._to_say.extend(status_texts(severity, text, self._texts))
+
     def tick(self, time_s: float) -> None:
         """Hear, answer, repeat, and show that we are here."""
         self._time_s = time_s
@@ -182,6 +190,10 @@ class ForeignCompanion:
             ):
                 for handler in self._handlers.get(message.get_type(), ()):
                     handler(message)
+        if self.found is not None:
+            for text in self._to_say:
+                self._send(text)
+            self._to_say.clear()
         if self.found is not None and self.trouble is None:
             self._go_on(self.found)
         elif self.found is None and time_s - self._start_s >= self._patience.vehicle_s and self._trouble is None:

@@ -12,8 +12,8 @@ from rover_sim.mavlink.camera_service import CameraService
 from rover_sim.mavlink.clock_service import ClockService
 from rover_sim.mavlink.command_server import CommandServer
 from rover_sim.mavlink.context import Context, Handler, Service
-from rover_sim.mavlink.dialect import mavlink
-from rover_sim.mavlink.endpoint import Endpoint, Link
+from rover_sim.mavlink.dialect import Message, mavlink
+from rover_sim.mavlink.endpoint import Client, Endpoint, Link
 from rover_sim.mavlink.fence_store import FenceStore, RallyStore
 from rover_sim.mavlink.ftp_files import Files
 from rover_sim.mavlink.ftp_server import FileServer
@@ -87,6 +87,7 @@ class Vehicle:
         self._handlers: dict[str, Handler] = {
             name: handler for service in services for name, handler in service.handlers.items()
         }
+        self._handlers["STATUSTEXT"] = self._pass_on
         self._texts = 0
 
     def tick(self, time_s: float, estimate: PoseEstimate | None, readings: SensorReadings | None) -> None:
@@ -124,6 +125,11 @@ class Vehicle:
         """Close all links and files."""
         self._file_server.close()
         self.endpoint.close()
+
+    def _pass_on(self, client: Client, text: Message) -> None:
+        """Stations hear the companion, which is on no link of theirs."""
+        if client.system == SYSTEM and client.component != COMPONENT:
+            self.endpoint.forward(client, text)
 
     def _tell(self) -> None:
         for event in self._context.autopilot.take_events():

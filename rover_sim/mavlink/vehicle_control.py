@@ -97,6 +97,10 @@ class VehicleControl(Protocol):
         """Turn on the spot to a heading in the world."""
         ...
 
+    def say(self, severity: int, text: str) -> None:
+        """Tell people a text (STATUSTEXT), as soon as somebody hears; ``severity`` as in MAV_SEVERITY."""
+        ...
+
     def tick(self, time_s: float) -> None:
         """Hear, answer, repeat, and show that we are here."""
         ...

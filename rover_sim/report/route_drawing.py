@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import Circle
 
-from planner.route_following import Following
+from planner.route_following import Following, least_risky
+from planner.route_risk import RouteRisk
 
-ROUTE = "orange"
+ROUTE, RISK = "orange", "red"
+LEAST_TOLD = 0.01  # probability of failure of a leg
 
 
 def draw_route(axes: Axes, route: Following) -> None:
@@ -43,7 +47,29 @@ def draw_route(axes: Axes, route: Following) -> None:
         zorder=7,
         label="landmark",
     )
+    risk = least_risky(route)
+    if risk is not None:
+        _draw_risk(axes, risk)
     for x, y, radius in route.blocked_w:
         axes.add_patch(
             Circle((x, y), radius, facecolor="none", edgecolor="red", linestyle=":", linewidth=0.8, zorder=4)
         )
+
+
+def _draw_risk(axes: Axes, risk: RouteRisk) -> None:
+    """The riskiest leg broad, and the probability of failure beside each leg that has one."""
+    worst = risk.legs[risk.riskiest].fails.probability
+    if worst > 0.0:
+        style: dict[str, Any] = {
+            "color": RISK,
+            "linewidth": 7.0,
+            "alpha": 0.45,
+            "solid_capstyle": "round",
+            "zorder": 3.5,
+        }
+        axes.plot(*risk.ways_w[risk.riskiest].T, label=f"riskiest leg: fails {100 * worst:.0f} %", **style)
+    for way, leg in zip(risk.ways_w, risk.legs, strict=True):
+        if (share := leg.fails.probability) >= LEAST_TOLD:
+            middle = way.mean(axis=0)
+            text = axes.annotate(f"{100 * share:.0f} %", middle, xytext=(0, 7), textcoords="offset points", fontsize=7)
+            text.set(color="white", ha="center", zorder=8, bbox={"facecolor": RISK, "alpha": 0.6, "pad": 1.0, "lw": 0})

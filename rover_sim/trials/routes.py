@@ -2,7 +2,8 @@
 
 Ground of the suite: ``crater``, a bowl between start and goal that has to be gone round; ``dunes``, crests that are
 crossed where their lee is flat enough; ``wall``, dunes too steep for any way; ``yard``, a real elevation map
-(marsyard2022_hm.tif, about 50 x 50 m, so that goals are at most 30 m away).
+(marsyard2022_hm.tif, about 50 x 50 m, so that goals are at most 30 m away). By name only, for forecasts of risk that
+are neither 0 nor 1: ``swells``, short dunes near the limit of the rover, and ``hills``, rough in all directions.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from worlds.route_table import RouteTable
 from worlds.scenario import Goal, Rocks, RoverChoice, Scenario, SoilChoice, Terrain, check_scenario
 
 GROUNDS = ("crater", "dunes", "wall")
+STEEP = ("hills", "swells")
 YARD, YARD_FILE, YARD_REACH_M = "yard", "marsyard2022_hm.tif", 15.0
 DISTANCES_M = (100.0, 200.0, 500.0)
 MARGIN_M = 30.0  # of ground beyond start and goal
@@ -44,10 +46,12 @@ def route_scenario(cell: Mapping[str, Value], heading_rad: float, worlds: Path |
             raise InputError(f"--cells distance_m={distance_m:g}: the real map allows up to {2 * YARD_REACH_M:g}")
         terrain = Terrain(kind="dem", path=str(yard_file(worlds)), resolution_m=0.1)
         route = RouteTable(resolution_m=0.5, error_m=0.05, leg_m=(4.0, 12.0), radius_m=1.5)
+    elif ground in STEEP:
+        terrain, route = _terrain(ground, distance_m, half), RouteTable(leg_m=(6.0, 12.0), radius_m=1.5)
     elif ground in GROUNDS:
         terrain, route = _terrain(ground, distance_m, half), RouteTable()
     else:
-        raise InputError(f"--cells ground={ground}: allowed are {', '.join((*GROUNDS, YARD))}")
+        raise InputError(f"--cells ground={ground}: allowed are {', '.join((*GROUNDS, *STEEP, YARD))}")
     (x, y), (goal_x, goal_y) = np.round(-half, 3).tolist(), np.round(half, 3).tolist()
     scenario = Scenario(
         name="route",
@@ -70,10 +74,11 @@ def _terrain(ground: str, distance_m: float, half: np.ndarray[tuple[int], np.dty
         "crater": {"kind": "crater", "feature_size_m": 0.35 * distance_m, "relief_m": 0.06 * distance_m},
         "dunes": {"kind": "dunes", "feature_size_m": 40.0, "relief_m": 1.8},
         "wall": {"kind": "dunes", "feature_size_m": 30.0, "relief_m": 4.0},
+        "hills": {"kind": "fractal", "roughness_m": 0.2},
+        "swells": {"kind": "dunes", "feature_size_m": 20.0, "relief_m": 1.7, "roughness_m": 0.08},
     }[ground]
     return Terrain(
         size_m=(round(size[0], 1), round(size[1], 1)),
         resolution_m=0.16 if distance_m <= 200.0 else 0.25,
-        roughness_m=0.06,
-        **shape,  # type: ignore[arg-type] # of the keys above
+        **{"roughness_m": 0.06, **shape},  # type: ignore[arg-type] # of the keys above
     )
