@@ -194,6 +194,7 @@ def test_the_stack_serves_a_ground_station_beside_its_companion() -> None:
     stack = MavlinkStack(Origin(), autopilot, [f"udpout:127.0.0.1:{listener.port}"])
     items = mission_items([(4.0, 0.0, 0.0)], stack.frame, HOME)
     upload = stack.companion.upload(items, 0.0)
+    stack.companion.say(mavlink.MAV_SEVERITY_WARNING, "Route: risk 31 %, leg 2 of 6 28 %")
     parser, packer, heard = Parser(), Packer(255, 190), []
     for _ in range(480):
         wheels = autopilot.update(rover.time_s, rover.estimate(), rover.readings())
@@ -206,6 +207,8 @@ def test_the_stack_serves_a_ground_station_beside_its_companion() -> None:
     names = {message.get_type() for message in heard}
     assert names >= {"HEARTBEAT", "GLOBAL_POSITION_INT", "ATTITUDE", "MISSION_CURRENT", "MISSION_COUNT"}
     assert "MISSION_REQUEST_INT" not in names  # what is said to the companion is not said to others
+    told = [(text.get_srcComponent(), text.severity) for text in heard if "risk 31 %" in getattr(text, "text", "")]
+    assert told == [(mavlink.MAV_COMP_ID_ONBOARD_COMPUTER, mavlink.MAV_SEVERITY_WARNING)]  # once, and as who said it
     assert upload.state is UploadState.DONE
     assert autopilot.mode is Mode.HOLD
     stack.close()

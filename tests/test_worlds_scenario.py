@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from worlds.errors import ScenarioError
 from worlds.fault_events import Event
+from worlds.risk_table import RiskTable
 from worlds.route_table import RouteTable
 from worlds.scenario import (
     LIMITS,
@@ -89,7 +90,7 @@ def test_dump_has_every_key_and_loads_to_an_equal_scenario(tmp_path: Path) -> No
         assert load_text(tmp_path, text) == scenario
         for key in LIMITS:
             leaf = key.split(".")[-1]
-            optional = key.startswith(("obstacle", "origin", "soil.patch", "route", *SENSOR_TABLES))
+            optional = key.startswith(("obstacle", "origin", "soil.patch", "route", "risk", *SENSOR_TABLES))
             assert optional or f"{leaf} =" in text or f"# {leaf} is not set" in text
 
 
@@ -123,6 +124,7 @@ def test_every_number_has_a_range() -> None:
         camera=camera,
         sensors=sensors,
         route=RouteTable(middle_m=(0.0, 0.0)),
+        risk=RiskTable(limit=0.5, soils=("firm",), weights=(1.0,)),
         imu=Imu(roughness_cm3=64.0),
         magnetometer=Magnetometer(field_uT=(20.0, 0.0, 40.0)),
         barometer=Barometer(),

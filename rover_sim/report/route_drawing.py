@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import Circle
@@ -60,14 +58,9 @@ def _draw_risk(axes: Axes, risk: RouteRisk) -> None:
     """The riskiest leg broad, and the probability of failure beside each leg that has one."""
     worst = risk.legs[risk.riskiest].fails.probability
     if worst > 0.0:
-        style: dict[str, Any] = {
-            "color": RISK,
-            "linewidth": 7.0,
-            "alpha": 0.45,
-            "solid_capstyle": "round",
-            "zorder": 3.5,
-        }
-        axes.plot(*risk.ways_w[risk.riskiest].T, label=f"riskiest leg: fails {100 * worst:.0f} %", **style)
+        label = f"riskiest leg: fails {100 * worst:.0f} %"
+        way = risk.ways_w[risk.riskiest].T
+        axes.plot(*way, label=label, color=RISK, linewidth=7.0, alpha=0.45, solid_capstyle="round", zorder=3.5)
     for way, leg in zip(risk.ways_w, risk.legs, strict=True):
         if (share := leg.fails.probability) >= LEAST_TOLD:
             middle = way.mean(axis=0)
