@@ -29,7 +29,7 @@ def test_cells_and_keys_are_unique_and_goals_lie_in_every_direction() -> None:
 @pytest.mark.parametrize(
     ("chosen", "words"),
     [
-        ({"ground": ("swamp",)}, "--cells ground=swamp: allowed are crater, dunes, wall, yard"),
+        ({"ground": ("swamp",)}, "--cells ground=swamp: allowed are crater, dunes, wall, hills, swells, yard"),
         ({"ground": ("yard",), "distance_m": (20.0,)}, "--cells ground=yard: needs --worlds"),
     ],
 )
