@@ -7,6 +7,7 @@ ICRA 2004, who draw terrain and vehicle parameters for a Monte Carlo forecast; t
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
+from functools import cache
 from math import inf, pi, radians
 
 import numpy as np
@@ -100,6 +101,7 @@ def draw_error(field: HeightField, error: MapError, rng: np.random.Generator) ->
     return np.asarray(error.sd_m * smooth / _kept(shape, sigma))
 
 
+@cache
 def _kept(shape: tuple[int, ...], sigma: float) -> float:
     """Standard deviation that a wrapped Gaussian filter leaves of white noise."""
     kept = 1.0

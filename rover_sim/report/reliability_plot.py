@@ -20,4 +20,4 @@ def draw_reliability(curves: Mapping[str, Mapping[str, Reliability]], path: Path
             axes.scatter(curve.forecast, curve.happened, 2.0 + 2.0 * curve.count, color=line.get_color(), alpha=0.6)
         axes.set(title=event, xlabel="forecast", ylabel="happened", xlim=(-0.03, 1.03), ylim=(-0.03, 1.03))
         axes.legend(fontsize=7)
-    figure.savefig(path, dpi=120)
+    figure.savefig(path, dpi=120, format="png")

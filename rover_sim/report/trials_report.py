@@ -8,11 +8,14 @@ from pathlib import Path
 from typing import Any
 
 from rover_sim import __version__
-from rover_sim.files import write_json, write_text
+from rover_sim.files import atomic_path, write_json, write_text
+from rover_sim.report.reliability_plot import draw_reliability
+from rover_sim.trials.reliability import curves
+from rover_sim.trials.reliability import figures as forecast_figures
 from rover_sim.trials.statistics import cells, figures
 from rover_sim.trials.trial import Row
 
-JSON, HTML = "report.json", "report.html"
+JSON, HTML, RELIABILITY = "report.json", "report.html", "reliability.png"
 _MEANS = {
     "spl": "SPL",
     "path_inefficiency": "path inefficiency",
@@ -33,8 +36,14 @@ td.bad { background: #f6d5cc; } caption { text-align: left; font-weight: bold; p
 
 
 def write(folder: Path, rows: Sequence[Row], planned: int) -> dict[str, Any]:
-    """Write both files and return the content of ``report.json``; ``planned`` trials were asked for."""
+    """Write both files and return the content of ``report.json``; ``planned`` trials were asked for.
+
+    Where there are forecasts enough, their reliability diagram is a picture beside them.
+    """
     content = report(rows, planned)
+    if drawn := curves(rows):
+        with atomic_path(folder / RELIABILITY) as path:
+            draw_reliability(drawn, path)
     write_json(folder / JSON, content)
     write_text(folder / HTML, page(content, rows))
     return content
@@ -48,6 +57,7 @@ def report(rows: Sequence[Row], planned: int) -> dict[str, Any]:
         "planned": planned,
         "total": figures(rows),
         "cells": cells(rows),
+        "reliability": forecast_figures(rows),
         "failures": [
             {
                 "key": row.key,
@@ -72,7 +82,8 @@ def page(content: dict[str, Any], rows: Sequence[Row]) -> str:
         f"Wilson 95 % interval {100 * total['wilson_low']:.1f} to {100 * total['wilson_high']:.1f} %; "
         f"{total['safety_violations']} with a safety violation; rover-sim {content['version']}.</p>"
     )
-    body = head + _cell_table(content["cells"]) + _failure_table(content["failures"])
+    body = head + _cell_table(content["cells"]) + _reliability(content["reliability"])
+    body += _failure_table(content["failures"])
     notes = (
         "<p>Reachable: a way exists on the true map for half the rover's width past what is higher than its belly. "
         "Refused: the rover gave up, and there was none. SPL over reachable worlds, against that way; "
@@ -105,6 +116,21 @@ def _cell_table(found: Sequence[dict[str, Any]]) -> str:
         columns = [name, *map(str, numbers), unsafe, *values, reasons]
         lines.append(_line("td", columns, text_columns=(0, len(columns) - 1), bad=7 if cell["violations"] else None))
     return f"<table><caption>Cells</caption>{''.join(lines)}</table>"
+
+
+def _reliability(found: dict[str, dict[str, float]]) -> str:
+    """Forecasts of risk against what happened; empty without enough of them."""
+    if not found:
+        return ""
+    titles = ["forecast of", "n", "forecast, %", "happened, %", "Brier", "base", "better than the base by, %", "ECE"]
+    lines = [_line("th", titles, text_columns=(0,))]
+    for name, one in found.items():
+        shares = [f"{100 * one[key]:.1f}" for key in ("forecast", "happened")]
+        scored = [f"{one['brier']:.4f}", f"{one['base']:.4f}", f"{100 * one['skill']:.0f}", f"{one['ece']:.3f}"]
+        lines.append(_line("td", [name, f"{one['n']}", *shares, *scored], text_columns=(0,)))
+    picture = f'<img src="{RELIABILITY}" alt="How often what was forecast came true">'
+    happens = any(one["happened"] > 0.0 for one in found.values())
+    return f"<table><caption>Risk forecasts</caption>{''.join(lines)}</table>{picture if happens else ''}"
 
 
 def _failure_table(failures: Sequence[dict[str, Any]]) -> str:
