@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from rover_sim.sim.raster_kernels import KeyArray
 from rover_sim.sim.rut_kernels import TILE_TEXELS
-from rover_sim.sim.rut_shading import Depths, look
+from rover_sim.sim.rut_shading import BLOCKS, HIGHEST_M, NEAR_TEXELS, WAY_TEXELS, Depths, look
 from rover_sim.sim.texture_kernels import HALF, ONE, ZERO, Single, add_samples, level_of
 from worlds.types import ByteArray, IntArray
 
@@ -122,25 +122,40 @@ def find_ruts(
     directory: IntArray,
     depth_m: Depths,
     grid: tuple[float, float, float],
+    pressed: ByteArray,
+    corner: tuple[int, int],
     eye: tuple[float, float, float],
     to_sun: tuple[float, float, float],
     b: Planes,
     at: IntArray,
 ) -> None:
-    """Follow the lines of sight into ruts: their walls, shade and churned soil; keys are set to the depth there."""
+    """Follow the lines of sight into ruts: their walls, shade and churned soil; keys are set to the depth there.
+
+    ``pressed`` (N, N): `pressed_blocks` from the tile ``corner`` of the directory on.
+    """
     x0, y0 = np.float32(grid[0] - eye[0]), np.float32(grid[1] - eye[1])
     per_m, lines, line = np.float32(grid[2] / TILE_TEXELS), directory.shape[0], directory.shape[1]
+    side, blocks = np.float32(pressed.shape[0]), np.float32(BLOCKS)
+    u_from, v_from = np.float32(BLOCKS * corner[1]), np.float32(BLOCKS * corner[0])
+    near, steepest = np.float32(NEAR_TEXELS / grid[2]), np.float32(HIGHEST_M * grid[2] / WAY_TEXELS)
     for k in range(count):
         i = np.uintp(k)
         u, v = (b[X + i] - x0) * per_m, (b[Y + i] - y0) * per_m
         inside = (u >= ZERO) & (v >= ZERO) & (u < np.float32(line)) & (v < np.float32(lines))
         at[i] = np.int32(v) * np.int32(line) + np.int32(u) if inside else -1
-    tiles = directory.reshape(directory.size)
+        u, v, rx, ry = blocks * u - u_from, blocks * v - v_from, b[RAY_X + i], b[RAY_Y + i]
+        sinking = b[SLOPE_X + i] * rx + b[SLOPE_Y + i] * ry - b[RAY_Z + i]
+        # So near and so steep that nothing counts but what `pressed` tells.
+        told = (sinking > FLATTEST) & (sinking > steepest * np.sqrt(rx * rx + ry * ry)) & (b[MAJOR + i] <= near)
+        told = told & (u >= ZERO) & (v >= ZERO) & (u < side) & (v < side)
+        b[TOP + i] = np.floor(v) * side + np.floor(u) if told else -ONE
+    tiles, flags = directory.reshape(directory.size), pressed.reshape(pressed.size)
     marked = 0
     for k in range(count):
-        tile = at[np.uintp(k)]
+        tile, block = at[np.uintp(k)], np.int32(b[TOP + np.uintp(k)])
         at[marked] = k
-        marked += (tile >= 0) and (tiles[np.uintp(max(tile, 0))] >= 0)
+        pressed_there = (block < 0) or (flags[np.uintp(max(block, 0))] > 0)
+        marked += (tile >= 0) and (tiles[np.uintp(max(tile, 0))] >= 0) and pressed_there
     for m in range(marked):
         i = np.uintp(at[m])
         gx, gy = float(b[SLOPE_X + i]), float(b[SLOPE_Y + i])

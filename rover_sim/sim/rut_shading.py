@@ -16,13 +16,17 @@ from numba import njit
 from numpy.typing import NDArray
 
 from rover_sim.sim.rut_kernels import TILE_TEXELS
-from worlds.types import IntArray
+from worlds.types import ByteArray, IntArray
 
 HIGHEST_M = 0.04  # of a pile that a line of sight may meet before the natural ground
 STEPS = 24
 CHURNED_M = 0.003  # depth from which soil looks wholly disturbed
 SUN_STEPS = 5
 NEAR_TEXELS = 2.0  # pixels that cover more see the mean of a rut, not its shape
+# Around the camera it is known of each block of texels whether anything is pressed in it or in three blocks on.
+BLOCK_TEXELS, BLOCKS_ON, TILES_ON = 8, 3, 4
+BLOCKS = TILE_TEXELS // BLOCK_TEXELS  # a tile's side
+WAY_TEXELS = 16.0  # that a line of sight may run level above a rut; with the way to the sun less than three blocks
 
 Depths = NDArray[np.float32]
 Vector = tuple[float, float, float]
@@ -96,6 +100,37 @@ def marked(directory: IntArray, grid: Grid, x: float, y: float) -> bool:
     if row < 0 or column < 0 or row >= directory.shape[0] or column >= directory.shape[1]:
         return False
     return bool(directory[row, column] >= 0)
+
+
+@njit(cache=True, nogil=True)
+def pressed_blocks(directory: IntArray, depth: Depths, row0: int, column0: int) -> ByteArray:
+    """Blocks (N, N) of the tiles from a place of the directory on: 1 where a texel near is not natural ground."""
+    side = (2 * TILES_ON + 1) * BLOCKS
+    own, along, found = np.zeros((side, side), np.uint8), np.zeros((side, side), np.uint8), np.zeros((side, side), np.uint8)
+    for row in range(max(row0, 0), min(row0 + 2 * TILES_ON + 1, directory.shape[0])):
+        for column in range(max(column0, 0), min(column0 + 2 * TILES_ON + 1, directory.shape[1])):
+            tile = directory[row, column]
+            if tile >= 0:
+                _mark_blocks(depth[tile], own, BLOCKS * (row - row0), BLOCKS * (column - column0))
+    for row in range(side):
+        for column in range(side):
+            for n in range(max(column - BLOCKS_ON, 0), min(column + BLOCKS_ON + 1, side)):
+                along[row, column] |= own[row, n]
+    for row in range(side):
+        for n in range(max(row - BLOCKS_ON, 0), min(row + BLOCKS_ON + 1, side)):
+            for column in range(side):
+                found[row, column] |= along[n, column]
+    return found
+
+
+@njit(cache=True, nogil=True)
+def _mark_blocks(tile: Depths, own: ByteArray, row0: int, column0: int) -> None:
+    for j in range(TILE_TEXELS):
+        for block in range(BLOCKS):
+            any_pressed = False
+            for i in range(block * BLOCK_TEXELS, (block + 1) * BLOCK_TEXELS):
+                any_pressed |= tile[j, i] != 0.0
+            own[row0 + j // BLOCK_TEXELS, column0 + block] |= any_pressed
 
 
 @njit(cache=True, nogil=True, fastmath=True)

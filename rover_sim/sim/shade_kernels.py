@@ -20,7 +20,8 @@ from rover_sim.sim.ground_shading import (
     Three,
 )
 from rover_sim.sim.raster_kernels import EMPTY_TAG, GROUND_TAG, KeyArray
-from rover_sim.sim.rut_shading import Marks
+from rover_sim.sim.rut_shading import TILES_ON, Marks, pressed_blocks
+from rover_sim.sim.rut_kernels import TILE_TEXELS
 from rover_sim.sim.shade_types import Lens, Light, ShadowMap, Stones, Surface
 from rover_sim.sim.texture_kernels import HALF, ONE, ZERO, Single, Texels, sample_solid
 from rover_sim.sim.textures import Pyramid
@@ -77,6 +78,9 @@ def shade(
         np.float32(ez + m[3, 3]),
     )
     rut_grid = (marks.x0_m, marks.y0_m, marks.per_m)
+    tiles_per_m = marks.per_m / TILE_TEXELS
+    corner = (int((ey - marks.y0_m) * tiles_per_m) - TILES_ON, int((ex - marks.x0_m) * tiles_per_m) - TILES_ON)
+    pressed = pressed_blocks(marks.directory, marks.depth_m, corner[0], corner[1])
     across = _single((r[0, 0] / f, r[1, 0] / f, r[2, 0] / f))
     b, where, at = np.empty(PLANES * WIDEST, np.float32), np.empty(3 * WIDEST, np.int32), np.empty(WIDEST, np.int32)
     room = 2 * ground.MOST_TAPS * WIDEST
@@ -100,7 +104,19 @@ def shade(
             if marks.directory.size:
                 eye = (ex, ey, ez)
                 ground.find_ruts(
-                    soil, soils, keys, row, marks.directory, marks.depth_m, rut_grid, eye, light.to_sun_w, b, at
+                    soil,
+                    soils,
+                    keys,
+                    row,
+                    marks.directory,
+                    marks.depth_m,
+                    rut_grid,
+                    pressed,
+                    corner,
+                    eye,
+                    light.to_sun_w,
+                    b,
+                    at,
                 )
             near[: 4 * soils], wide[: 4 * soils] = ZERO, ZERO
             ground.add_fine(soils, fine.data, fine.starts, np.float32(fine.per_m), fine_at, b, at, jobs, which, near)
