@@ -61,9 +61,10 @@ def plane(pyramid: Pyramid, x_m: float, y_m: float, footprint_m: float) -> list[
         np.float32(footprint_m * pyramid.size_px * pyramid.per_m), np.float32(len(pyramid.starts) - 3)
     )
     u, v = (np.full(2, place * pyramid.per_m, dtype=np.float32) for place in (x_m, y_m))
-    levels, weights = np.array([level, level + 1], dtype=np.int32), np.array([1 - share, share], dtype=np.float32)
+    jobs = np.concatenate([u, v, [1 - share, share], np.zeros(2)]).astype(np.float32)
+    which = np.array([level, level + 1] + [0] * 10, dtype=np.int32)
     out = np.zeros(4, dtype=np.float32)
-    add_samples(2, u, v, levels, weights, np.zeros(2, dtype=np.int32), pyramid.data, pyramid.starts, out)
+    add_samples(2, jobs, which, 2, pyramid.data, pyramid.starts, out)
     return [float(value) for value in out]
 
 
@@ -79,7 +80,7 @@ def strip(pyramid: Pyramid, ray: tuple[float, float], minor_m: float, major_m: f
     b = np.zeros(shading.PLANES * shading.WIDEST, dtype=np.float32)
     b[[shading.RAY_X, shading.RAY_Y, shading.MINOR, shading.MAJOR]] = *ray, minor_m, major_m
     room, at, out = 2 * shading.MOST_TAPS + 2, np.zeros(1, dtype=np.int32), np.zeros(4, dtype=np.float32)
-    jobs, which = np.zeros(3 * room, dtype=np.float32), np.zeros(2 * room, dtype=np.int32)
+    jobs, which = np.zeros(4 * room, dtype=np.float32), np.zeros(6 * room, dtype=np.int32)
     eye = (np.float32(0.515625), np.float32(0.5), np.float32(0.0))
     per_m = np.float32(pyramid.per_m)
     shading.add_fine(1, pyramid.data, pyramid.starts, per_m, eye, b, at, jobs, which, out)

@@ -57,6 +57,14 @@ def test_ruts_elsewhere_change_nothing() -> None:
     assert np.array_equal(renderer.render(CAMERA, pose).depth_m, plain.depth_m)
 
 
+def test_ground_out_of_reach_of_a_rut_of_the_same_tile_looks_as_without_it() -> None:
+    before, after = both(looking((-1.0, 0.3, 0.6), 0.7))
+    columns = slice(0, 60)  # at least half a metre to the left of the track
+    assert (before.image != after.image).any()
+    assert np.array_equal(after.image[:, columns], before.image[:, columns])
+    assert np.array_equal(after.depth_m[:, columns], before.depth_m[:, columns])
+
+
 def test_from_above_the_floor_of_a_rut_is_as_deep_as_the_wheel_pressed_it() -> None:
     before, after = both(looking((0.0, 0.0, 1.0), np.pi / 2))
     assert before.depth_m == pytest.approx(1.0, abs=1e-4)

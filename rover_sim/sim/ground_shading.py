@@ -16,8 +16,6 @@ from numba import njit
 from numpy.typing import NDArray
 
 from rover_sim.sim.raster_kernels import KeyArray
-from rover_sim.sim.rut_kernels import TILE_TEXELS
-from rover_sim.sim.rut_shading import BLOCKS, HIGHEST_M, NEAR_TEXELS, WAY_TEXELS, Depths, look
 from rover_sim.sim.texture_kernels import HALF, ONE, ZERO, Single, add_samples, level_of
 from worlds.types import ByteArray, IntArray
 
@@ -113,67 +111,6 @@ def find_slopes(
         b[LIFT_X + i], b[LIFT_Y + i], b[LIFT_Z + i] = -lift * gx, -lift * gy, lift
 
 
-@njit(cache=True, nogil=True, fastmath=True)
-def find_ruts(
-    where: IntArray,
-    count: int,
-    keys: KeyArray,
-    row: int,
-    directory: IntArray,
-    depth_m: Depths,
-    grid: tuple[float, float, float],
-    pressed: ByteArray,
-    corner: tuple[int, int],
-    eye: tuple[float, float, float],
-    to_sun: tuple[float, float, float],
-    b: Planes,
-    at: IntArray,
-) -> None:
-    """Follow the lines of sight into ruts: their walls, shade and churned soil; keys are set to the depth there.
-
-    ``pressed`` (N, N): `pressed_blocks` from the tile ``corner`` of the directory on.
-    """
-    x0, y0 = np.float32(grid[0] - eye[0]), np.float32(grid[1] - eye[1])
-    per_m, lines, line = np.float32(grid[2] / TILE_TEXELS), directory.shape[0], directory.shape[1]
-    side, blocks = np.float32(pressed.shape[0]), np.float32(BLOCKS)
-    u_from, v_from = np.float32(BLOCKS * corner[1]), np.float32(BLOCKS * corner[0])
-    near, steepest = np.float32(NEAR_TEXELS / grid[2]), np.float32(HIGHEST_M * grid[2] / WAY_TEXELS)
-    for k in range(count):
-        i = np.uintp(k)
-        u, v = (b[X + i] - x0) * per_m, (b[Y + i] - y0) * per_m
-        inside = (u >= ZERO) & (v >= ZERO) & (u < np.float32(line)) & (v < np.float32(lines))
-        at[i] = np.int32(v) * np.int32(line) + np.int32(u) if inside else -1
-        u, v, rx, ry = blocks * u - u_from, blocks * v - v_from, b[RAY_X + i], b[RAY_Y + i]
-        sinking = b[SLOPE_X + i] * rx + b[SLOPE_Y + i] * ry - b[RAY_Z + i]
-        # So near and so steep that nothing counts but what `pressed` tells.
-        told = (sinking > FLATTEST) & (sinking > steepest * np.sqrt(rx * rx + ry * ry)) & (b[MAJOR + i] <= near)
-        told = told & (u >= ZERO) & (v >= ZERO) & (u < side) & (v < side)
-        b[TOP + i] = np.floor(v) * side + np.floor(u) if told else -ONE
-    tiles, flags = directory.reshape(directory.size), pressed.reshape(pressed.size)
-    marked = 0
-    for k in range(count):
-        tile, block = at[np.uintp(k)], np.int32(b[TOP + np.uintp(k)])
-        at[marked] = k
-        pressed_there = (block < 0) or (flags[np.uintp(max(block, 0))] > 0)
-        marked += (tile >= 0) and (tiles[np.uintp(max(tile, 0))] >= 0) and pressed_there
-    for m in range(marked):
-        i = np.uintp(at[m])
-        gx, gy = float(b[SLOPE_X + i]), float(b[SLOPE_Y + i])
-        point = (eye[0] + b[X + i], eye[1] + b[Y + i], eye[2] + b[Z + i])
-        ray = (float(b[RAY_X + i]), float(b[RAY_Y + i]), float(b[RAY_Z + i]))
-        seen = look(directory, depth_m, grid, point, ray, (gx, gy), to_sun, float(b[MINOR + i]), float(b[MAJOR + i]))
-        way = seen[0]
-        if way != 0.0:
-            long_m = np.sqrt(b[X + i] * b[X + i] + b[Y + i] * b[Y + i] + b[Z + i] * b[Z + i])
-            keys[row, where[i]] = 1.0 / (b[DEPTH + i] * (1.0 + way / long_m))
-        # Above the rut on the natural ground: what casts shadows there does so in the rut.
-        b[X + i] += np.float32(way * ray[0])
-        b[Y + i] += np.float32(way * ray[1])
-        b[Z + i] += np.float32(way * (gx * ray[0] + gy * ray[1]))
-        b[RUT_X + i], b[RUT_Y + i] = np.float32(gx - seen[1]), np.float32(gy - seen[2])
-        b[CHURNED + i], b[LIT + i] = np.float32(seen[3]), np.float32(seen[4])
-
-
 @njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
 def add_fine(
     count: int,
@@ -193,12 +130,10 @@ def add_fine(
     is where the camera is in the texture's first period; ``jobs`` and ``which`` have room for the samples of a row.
     """
     last, top = np.float32(starts.size - 3), np.float32(1 << (starts.size - 3)) * per_m
-    most = ONE
     for k in range(count):
         i = np.uintp(k)
         minor, major = b[MINOR + i], b[MAJOR + i]
         taps = min(max(np.floor(TAPS_OF * major / minor), ONE), np.float32(MOST_TAPS))
-        most = max(most, taps)
         share = ONE / taps
         long_m = major * share
         level, mix = level_of(SHARPNESS * top * max(minor, long_m * LONG_OF), last)
@@ -210,7 +145,7 @@ def add_fine(
         b[U + i] = (b[X + i] + eye[0]) * per_m - back * rx * step
         b[V + i] = (b[Y + i] + eye[1]) * per_m - back * ry * step
         at[i] = np.int32(level)
-    _run(count, int(most), texels, starts, b, at, jobs, which, out)
+    _run(count, texels, starts, b, at, jobs, which, out)
 
 
 @njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
@@ -237,13 +172,12 @@ def add_broad(
         b[U + i] = (TURN_COS * x - TURN_SIN * y + eye[0]) * per_m
         b[V + i] = (TURN_SIN * x + TURN_COS * y + eye[1]) * per_m
         at[i] = np.int32(level)
-    _run(count, 1, texels, starts, b, at, jobs, which, out)
+    _run(count, texels, starts, b, at, jobs, which, out)
 
 
 @njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
 def _run(
     count: int,
-    most: int,
     texels: Planes,
     starts: IntArray,
     b: Planes,
@@ -253,22 +187,22 @@ def _run(
     out: Planes,
 ) -> None:
     """Write down all samples of the row, and take them."""
-    room = jobs.size // 3
-    u, v, weight = jobs[:room], jobs[room : 2 * room], jobs[2 * room :]
-    level, pixel = which[:room], which[room:]
+    room = jobs.size // 4
+    u, v, weight = jobs[:room], jobs[room : 2 * room], jobs[2 * room : 3 * room]
+    level, pixel = which[:room], which[room : 2 * room]
     n = np.uintp(0)
     for k in range(count):
         i = np.uintp(k)
-        x, y, taps, mix, share = b[U + i], b[V + i], b[TAPS + i], b[MIX + i], b[SHARE + i]
-        for tap in range(most):
-            # Written in any case and counted if wanted: no branch to be guessed.
-            wanted = np.float32(tap) < taps
+        x, y, mix, share = b[U + i], b[V + i], b[MIX + i], b[SHARE + i]
+        # Taps and levels change little along a row: these branches are guessed well.
+        for _ in range(int(b[TAPS + i])):
             u[n], v[n], level[n], weight[n], pixel[n] = x, y, at[i], share * (ONE - mix), k
-            n += np.uintp(wanted)
-            u[n], v[n], level[n], weight[n], pixel[n] = x, y, at[i] + 1, share * mix, k
-            n += np.uintp(wanted & (mix > ZERO))
+            n += np.uintp(1)
+            if mix > ZERO:
+                u[n], v[n], level[n], weight[n], pixel[n] = x, y, at[i] + 1, share * mix, k
+                n += np.uintp(1)
             x, y = x + b[STEP_U + i], y + b[STEP_V + i]
-    add_samples(int(n), u, v, level, weight, pixel, texels, starts, out)
+    add_samples(int(n), jobs, which, room, texels, starts, out)
 
 
 @njit(cache=True, nogil=True, fastmath=True, error_model="numpy")

@@ -15,7 +15,10 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from rover_sim.sim import ground_shading as ground
+from rover_sim.sim.raster_kernels import KeyArray
 from rover_sim.sim.rut_kernels import TILE_TEXELS
+from rover_sim.sim.texture_kernels import ONE, ZERO
 from worlds.types import ByteArray, IntArray
 
 HIGHEST_M = 0.04  # of a pile that a line of sight may meet before the natural ground
@@ -31,6 +34,7 @@ WAY_TEXELS = 16.0  # that a line of sight may run level above a rut; with the wa
 Depths = NDArray[np.float32]
 Vector = tuple[float, float, float]
 Pair = tuple[float, float]
+Place = tuple[int, int]  # row and column of a tile in the directory
 Grid = tuple[float, float, float]  # x and y of the first texel's corner, texels a metre
 Look = tuple[float, float, float, float, float]  # way along the sight, slopes of the depth, share churned, share of sun
 NO_LOOK: Look = (0.0, 0.0, 0.0, 0.0, 1.0)
@@ -103,10 +107,16 @@ def marked(directory: IntArray, grid: Grid, x: float, y: float) -> bool:
 
 
 @njit(cache=True, nogil=True)
-def pressed_blocks(directory: IntArray, depth: Depths, row0: int, column0: int) -> ByteArray:
-    """Blocks (N, N) of the tiles from a place of the directory on: 1 where a texel near is not natural ground."""
+def pressed_blocks(directory: IntArray, depth: Depths, grid: Grid, x: float, y: float) -> tuple[ByteArray, Place]:
+    """Blocks (N, N) around a point: 1 where a texel near is not natural ground; and the tile where they begin."""
+    per_m = grid[2] / TILE_TEXELS
+    row0, column0 = int((y - grid[1]) * per_m) - TILES_ON, int((x - grid[0]) * per_m) - TILES_ON
     side = (2 * TILES_ON + 1) * BLOCKS
-    own, along, found = np.zeros((side, side), np.uint8), np.zeros((side, side), np.uint8), np.zeros((side, side), np.uint8)
+    own, along, found = (
+        np.zeros((side, side), np.uint8),
+        np.zeros((side, side), np.uint8),
+        np.zeros((side, side), np.uint8),
+    )
     for row in range(max(row0, 0), min(row0 + 2 * TILES_ON + 1, directory.shape[0])):
         for column in range(max(column0, 0), min(column0 + 2 * TILES_ON + 1, directory.shape[1])):
             tile = directory[row, column]
@@ -120,7 +130,7 @@ def pressed_blocks(directory: IntArray, depth: Depths, row0: int, column0: int) 
         for n in range(max(row - BLOCKS_ON, 0), min(row + BLOCKS_ON + 1, side)):
             for column in range(side):
                 found[row, column] |= along[n, column]
-    return found
+    return found, (row0, column0)
 
 
 @njit(cache=True, nogil=True)
@@ -206,3 +216,69 @@ def _mean(
             dy += gy
     share = 0.5 / taps
     return 0.0, share * dx, share * dy, share * churned, 1.0
+
+
+@njit(cache=True, nogil=True, fastmath=True)
+def find_ruts(
+    where: IntArray,
+    count: int,
+    keys: KeyArray,
+    row: int,
+    directory: IntArray,
+    depth_m: Depths,
+    grid: Grid,
+    pressed: ByteArray,
+    corner: Place,
+    eye: Vector,
+    to_sun: Vector,
+    b: ground.Planes,
+    at: IntArray,
+) -> None:
+    """Follow the lines of sight into ruts: their walls, shade and churned soil; keys are set to the depth there.
+
+    ``pressed`` (N, N): `pressed_blocks` from the tile ``corner`` of the directory on.
+    """
+    x0, y0 = np.float32(grid[0] - eye[0]), np.float32(grid[1] - eye[1])
+    per_m, lines, line = np.float32(grid[2] / TILE_TEXELS), directory.shape[0], directory.shape[1]
+    side, blocks = np.float32(pressed.shape[0]), np.float32(BLOCKS)
+    u_from, v_from = np.float32(BLOCKS * corner[1]), np.float32(BLOCKS * corner[0])
+    near, steepest = np.float32(NEAR_TEXELS / grid[2]), np.float32(HIGHEST_M * grid[2] / WAY_TEXELS)
+    for k in range(count):
+        i = np.uintp(k)
+        u, v = (b[ground.X + i] - x0) * per_m, (b[ground.Y + i] - y0) * per_m
+        inside = (u >= ZERO) & (v >= ZERO) & (u < np.float32(line)) & (v < np.float32(lines))
+        at[i] = np.int32(v) * np.int32(line) + np.int32(u) if inside else -1
+        u, v, rx, ry = blocks * u - u_from, blocks * v - v_from, b[ground.RAY_X + i], b[ground.RAY_Y + i]
+        sinking = b[ground.SLOPE_X + i] * rx + b[ground.SLOPE_Y + i] * ry - b[ground.RAY_Z + i]
+        # So near and so steep that nothing counts but what `pressed` tells.
+        told = (
+            (sinking > ground.FLATTEST)
+            & (sinking > steepest * np.sqrt(rx * rx + ry * ry))
+            & (b[ground.MAJOR + i] <= near)
+        )
+        told = told & (u >= ZERO) & (v >= ZERO) & (u < side) & (v < side)
+        b[ground.TOP + i] = np.floor(v) * side + np.floor(u) if told else -ONE
+    tiles, flags = directory.reshape(directory.size), pressed.reshape(pressed.size)
+    marked = 0
+    for k in range(count):
+        tile, block = at[np.uintp(k)], int(b[ground.TOP + np.uintp(k)])
+        at[marked] = k
+        wanted: bool = (block < 0) or (flags[np.uintp(max(block, 0))] > 0)
+        marked += wanted and (tile >= 0) and (tiles[np.uintp(max(tile, 0))] >= 0)
+    for m in range(marked):
+        i = np.uintp(at[m])
+        gx, gy = float(b[ground.SLOPE_X + i]), float(b[ground.SLOPE_Y + i])
+        x, y, z = b[ground.X + i], b[ground.Y + i], b[ground.Z + i]
+        point = (eye[0] + x, eye[1] + y, eye[2] + z)
+        ray = (float(b[ground.RAY_X + i]), float(b[ground.RAY_Y + i]), float(b[ground.RAY_Z + i]))
+        covers = (float(b[ground.MINOR + i]), float(b[ground.MAJOR + i]))
+        seen = look(directory, depth_m, grid, point, ray, (gx, gy), to_sun, *covers)
+        way = seen[0]
+        if way != 0.0:
+            keys[row, where[i]] = 1.0 / (b[ground.DEPTH + i] * (1.0 + way / np.sqrt(x * x + y * y + z * z)))
+        # Above the rut on the natural ground: what casts shadows there does so in the rut.
+        b[ground.X + i] += np.float32(way * ray[0])
+        b[ground.Y + i] += np.float32(way * ray[1])
+        b[ground.Z + i] += np.float32(way * (gx * ray[0] + gy * ray[1]))
+        b[ground.RUT_X + i], b[ground.RUT_Y + i] = np.float32(gx - seen[1]), np.float32(gy - seen[2])
+        b[ground.CHURNED + i], b[ground.LIT + i] = np.float32(seen[3]), np.float32(seen[4])

@@ -20,8 +20,7 @@ from rover_sim.sim.ground_shading import (
     Three,
 )
 from rover_sim.sim.raster_kernels import EMPTY_TAG, GROUND_TAG, KeyArray
-from rover_sim.sim.rut_shading import TILES_ON, Marks, pressed_blocks
-from rover_sim.sim.rut_kernels import TILE_TEXELS
+from rover_sim.sim.rut_shading import Marks, find_ruts, pressed_blocks
 from rover_sim.sim.shade_types import Lens, Light, ShadowMap, Stones, Surface
 from rover_sim.sim.texture_kernels import HALF, ONE, ZERO, Single, Texels, sample_solid
 from rover_sim.sim.textures import Pyramid
@@ -78,13 +77,11 @@ def shade(
         np.float32(ez + m[3, 3]),
     )
     rut_grid = (marks.x0_m, marks.y0_m, marks.per_m)
-    tiles_per_m = marks.per_m / TILE_TEXELS
-    corner = (int((ey - marks.y0_m) * tiles_per_m) - TILES_ON, int((ex - marks.x0_m) * tiles_per_m) - TILES_ON)
-    pressed = pressed_blocks(marks.directory, marks.depth_m, corner[0], corner[1])
+    pressed, corner = pressed_blocks(marks.directory, marks.depth_m, rut_grid, ex, ey)
     across = _single((r[0, 0] / f, r[1, 0] / f, r[2, 0] / f))
     b, where, at = np.empty(PLANES * WIDEST, np.float32), np.empty(3 * WIDEST, np.int32), np.empty(WIDEST, np.int32)
     room = 2 * ground.MOST_TAPS * WIDEST
-    jobs, which = np.empty(3 * room, np.float32), np.empty(2 * room, np.int32)
+    jobs, which = np.empty(4 * room, np.float32), np.empty(6 * room, np.int32)
     near, wide = np.empty(8 * WIDEST, np.float32), np.empty(4 * WIDEST, np.float32)
     soil, rock, void = where[:WIDEST], where[WIDEST : 2 * WIDEST], where[2 * WIDEST :]
     for row in range(rows):
@@ -103,7 +100,7 @@ def shade(
             ground.find_slopes(soils, surface.slopes, x0, y0, per_m, beyond, bias, b, at)
             if marks.directory.size:
                 eye = (ex, ey, ez)
-                ground.find_ruts(
+                find_ruts(
                     soil,
                     soils,
                     keys,

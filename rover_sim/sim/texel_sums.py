@@ -3,7 +3,7 @@
 Numba does not find that by itself. In compiled
 code, ``weighed(texels, a, b, c, d, wa, wb, wc, wd)`` is ``wa`` times texel ``a`` and so on, added up, four numbers;
 ``texels`` is the address of an array (N, 4) of single precision. ``add_weighed(..., total)`` adds the same to the
-four numbers at the address ``total``.
+four numbers at the address ``total``; ``ahead(texels, a)`` has a texel fetched that will be wanted soon.
 """
 
 from __future__ import annotations
@@ -55,5 +55,20 @@ def _emit_sum(builder: Any, arguments: Any) -> Any:
     return total
 
 
+def _ahead(_: Any, texels: Any, texel: Any) -> Any:
+    return types.void(texels, texel), _emit_ahead
+
+
+def _emit_ahead(context: Any, builder: Any, _: Any, arguments: Any) -> Any:
+    """Ask for a texel's line of the cache: read, to be kept in all levels, data."""
+    first = builder.inttoptr(arguments[0], ir.IntType(8).as_pointer())
+    place = builder.gep(first, [builder.shl(arguments[1], ir.Constant(arguments[1].type, 4))])
+    form = ir.FunctionType(ir.VoidType(), [ir.IntType(8).as_pointer(), LANE, LANE, LANE])
+    declare: Any = cgutils.get_or_insert_function
+    builder.call(declare(builder.module, form, "llvm.prefetch.p0"), [place, LANE(0), LANE(3), LANE(1)])
+    return context.get_dummy_value()
+
+
 weighed: Any = intrinsic(_weighed)
+ahead: Any = intrinsic(_ahead)
 add_weighed: Any = intrinsic(_add_weighed)

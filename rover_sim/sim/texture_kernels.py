@@ -15,7 +15,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from rover_sim.sim.texel_sums import add_weighed, weighed
+from rover_sim.sim.texel_sums import add_weighed, ahead, weighed
 from rover_sim.sim.textures import PADDING
 from worlds.types import IntArray
 
@@ -25,6 +25,7 @@ Texel = tuple[Single, Single, Single, Single]
 # Levels are blended over the middle of the way from one to the next, from here on, this many times as fast.
 BLEND_FROM, BLEND_RATE = np.float32(0.3), np.float32(2.5)
 PER_OCTAVE, OCTAVES = np.float32(2.0**-23), np.float32(127.0)  # of the bits of a number of single precision
+AHEAD = 24  # samples on, whose texels are asked for while one is taken
 ZERO, HALF, ONE = np.float32(0.0), np.float32(0.5), np.float32(1.0)
 
 
@@ -46,38 +47,49 @@ def level_of(texels: Single, last: Single) -> tuple[Single, Single]:
 
 
 @njit(cache=True, nogil=True, fastmath=True, error_model="numpy")
-def add_samples(
-    count: int, u: Any, v: Any, level: IntArray, weight: Any, pixel: IntArray, t: Texels, starts: IntArray, out: Any
-) -> None:
+def add_samples(count: int, jobs: Any, which: IntArray, room: int, t: Texels, starts: IntArray, out: Any) -> None:
     """Add bilinear samples of a square texture to ``out`` (pixels, 4).
 
-    ``u``, ``v`` (count,) places in periods, ``level``, ``weight`` and ``pixel`` (count,) of each sample.
+    ``jobs`` (4 room,): u and v of each sample in periods, weight, and scratch; ``which`` (6 room,): level, pixel, and
+    scratch.
     """
-    texels, total = t.ctypes.data, out.ctypes.data
-    top = 1 << (starts.size - 3)
+    u, v, weight, fourth = jobs[:room], jobs[room : 2 * room], jobs[2 * room : 3 * room], jobs[3 * room :]
+    level, pixel, first = which[:room], which[room : 2 * room], which[2 * room : 3 * room]
+    second, third, last = which[3 * room : 4 * room], which[4 * room : 5 * room], which[5 * room :]
     for k in range(count):
         at = np.uintp(k)
-        size = max(top >> level[at], 1)
-        scale, mask = np.float32(size), size - 1
+        first[at] = starts[np.uintp(level[at])]
+    top = np.int32(1 << (starts.size - 3))
+    for k in range(count):
+        at = np.uintp(k)
+        size = max(top >> level[at], np.int32(1))
+        scale, mask = np.float32(size), size - np.int32(1)
         p, q = u[at] * scale - HALF, v[at] * scale - HALF
         fp, fq = np.floor(p), np.floor(q)
-        j0, i0 = int(fp) & mask, int(fq) & mask
-        j1, i1 = (j0 + 1) & mask, (i0 + 1) & mask
-        first = starts[np.uintp(level[at])]
-        row0, row1 = first + i0 * (size + PADDING), first + i1 * (size + PADDING)
+        j0, i0 = np.int32(fp) & mask, np.int32(fq) & mask
+        j1, i1 = (j0 + np.int32(1)) & mask, (i0 + np.int32(1)) & mask
+        row0 = first[at] + i0 * (size + np.int32(PADDING))
+        row1 = first[at] + i1 * (size + np.int32(PADDING))
+        first[at], second[at], third[at], last[at] = row0 + j0, row0 + j1, row1 + j0, row1 + j1
         right = (p - fp) * weight[at]
         left, down = weight[at] - right, q - fq
         up = ONE - down
+        u[at], v[at], weight[at], fourth[at] = left * up, right * up, left * down, right * down
+    texels, total = t.ctypes.data, out.ctypes.data
+    for k in range(count):
+        at, later = np.uintp(k), np.uintp(min(k + AHEAD, count - 1))
+        ahead(texels, np.intp(first[later]))
+        ahead(texels, np.intp(third[later]))
         add_weighed(
             texels,
-            row0 + j0,
-            row0 + j1,
-            row1 + j0,
-            row1 + j1,
-            left * up,
-            right * up,
-            left * down,
-            right * down,
+            np.intp(first[at]),
+            np.intp(second[at]),
+            np.intp(third[at]),
+            np.intp(last[at]),
+            u[at],
+            v[at],
+            weight[at],
+            fourth[at],
             total + 16 * np.uintp(pixel[at]),
         )
 
