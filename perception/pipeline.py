@@ -29,7 +29,7 @@ from perception.rock_placement import View, place_rocks
 from perception.shadow_height import with_shadows
 from perception.sky import sky_mask
 from perception.soil_reference import SoilReference, even_light, soil_reference
-from perception.stereo import StereoView, depth_picture, measured_ground, on_measured, refined
+from perception.stereo import StereoView, depth_picture, measured_ground, on_measured, pixels_by_label, refined
 from perception.terrain_class import classify
 from perception.window_features import WindowSource, window_features
 from worlds.types import BoolArray, ByteArray, FloatArray, Frame, IntArray, Observation, PerceivedRock
@@ -190,9 +190,10 @@ def with_second_eye(
     depth = depth_picture(working_picture(left), working_picture(right), view.camera, found.scale, baseline_m)
     eyes = StereoView(view, found.scale, view.camera.focal_px / found.scale[0] * baseline_m)
     ground = measured_ground(depth, found.labels, found.hidden, eyes)
+    shown = pixels_by_label(found.labels, len(found.rocks))
     rocks = tuple(
         structs.replace(
-            rock, placed=refined(rock.placed, depth, found.labels == rock.id, ground, eyes, knowledge.ground)
+            rock, placed=refined(rock.placed, depth, shown[rock.id - 1], ground, eyes, knowledge.ground)
         )
         if rock.placed
         else rock

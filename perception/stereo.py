@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import pairwise
 
 import cv2
 import numpy as np
@@ -181,22 +182,32 @@ def _fall(depth_m: FloatArray, eyes: StereoView) -> FloatArray:
     return np.asarray(-(rays @ normal_c) / rays[..., 2])
 
 
+def pixels_by_label(labels: IntArray, count: int) -> list[tuple[IntArray, IntArray]]:
+    """Rows and columns of the pixels of the labels 1 to ``count`` of a picture (H, W), each in the picture's order."""
+    places = np.flatnonzero(labels)
+    found = labels.ravel()[places]
+    order = np.argsort(found, kind="stable")
+    bounds = np.searchsorted(found[order], np.arange(1, count + 2))
+    rows, columns = (part[order].astype(np.int32) for part in np.divmod(places, labels.shape[1]))
+    return [(rows[start:end], columns[start:end]) for start, end in pairwise(bounds.tolist())]
+
+
 def refined(
     rock: PerceivedRock,
     depth_m: FloatArray,
-    shown: BoolArray,
+    shown: tuple[IntArray, IntArray],
     ground: MeasuredGround,
     eyes: StereoView,
     know: GroundKnowledge,
 ) -> PerceivedRock:
     """A placed rock moved along its line of sight, and of the height, that all that is known of it makes likeliest.
 
-    ``depth_m`` and ``shown`` (H, W) are of the working picture. One picture knows a rock but for its scale: at k times
+    ``depth_m`` (H, W) and ``shown``, the rock's rows and columns (N,), are of the working picture. One picture knows a rock but for its scale: at k times
     the distance everything about it is k times as large. The believed plane says k = 1, the measured ground beside
     the rock and the depth of its own foot say others; they are averaged by their variances, as is the height of its
     top over the ground with that of its outline.
     """
-    rows, columns = (place.astype(np.int32) for place in np.nonzero(shown))
+    rows, columns = shown
     row, column = int(rows.max()), int(columns[rows >= rows.max() - 1].mean())
     angle_sd = float(np.hypot(know.pixel_sd / eyes.view.camera.focal_px, np.deg2rad(know.attitude_sd_deg)))
     plane_sd = range_sd(np.array(rock.range_m), eyes.view.height_m, angle_sd, _LEVEL_SD_M, ground.slope_sd)

@@ -14,7 +14,15 @@ from perception.camera import project, rays_c
 from perception.ground import ground_points, window_centres
 from perception.knowledge_base import GroundKnowledge, load_knowledge
 from perception.pipeline import Perception, View, perceive
-from perception.stereo import MeasuredGround, StereoView, depth_picture, measured_ground, on_measured, refined
+from perception.stereo import (
+    MeasuredGround,
+    StereoView,
+    depth_picture,
+    measured_ground,
+    on_measured,
+    pixels_by_label,
+    refined,
+)
 from rover_sim.cli import main
 from rover_sim.learning.rendered_views import make_world, rendered_views
 from rover_sim.sim.renderer import make_renderer
@@ -39,10 +47,19 @@ def test_a_shifted_picture_has_the_depth_of_its_shift() -> None:
     assert np.nanmedian(depth) == pytest.approx(200.0 * 0.12 / 8.0, rel=0.01)
 
 
+def test_pixels_are_told_apart_by_their_labels() -> None:
+    labels = np.array([[0, 2, 2], [1, 0, 2]], np.int32)
+    (first, second, none) = pixels_by_label(labels, 3)
+    assert [part.tolist() for part in first] == [[1], [0]]
+    assert [part.tolist() for part in second] == [[0, 0, 1], [1, 2, 2]]
+    assert len(none[0]) == 0
+
+
 def test_without_texture_nothing_is_matched_and_the_rock_stays() -> None:
     flat = np.full((240, 320), 90, np.uint8)
-    shown = np.zeros((240, 320), bool)
-    shown[100:120, 150:170] = True
+    labels = np.zeros((240, 320), np.int32)
+    labels[100:120, 150:170] = 1
+    (shown,) = pixels_by_label(labels, 1)
     nothing = np.full((240, 320), np.nan)
     ground = measured_ground(nothing, np.zeros((240, 320), np.int32), np.zeros((240, 320), bool), EYES)
     assert np.isnan(ground.height_m).all()
@@ -54,8 +71,9 @@ def test_without_texture_nothing_is_matched_and_the_rock_stays() -> None:
 
 def test_a_rock_seen_nearer_is_smaller_and_higher_as_worked_by_hand() -> None:
     # The middle of the picture looks 45 degrees down: its ground is sqrt(2) deep. Seen at half of that.
-    shown = np.zeros((240, 320), bool)
-    shown[100:120, 150:170] = True
+    labels = np.zeros((240, 320), np.int32)
+    labels[100:120, 150:170] = 1
+    (shown,) = pixels_by_label(labels, 1)
     depth = np.full((240, 320), np.sqrt(2.0) / 2.0)
     nothing = np.full((240, 320), np.nan)
     unknown = MeasuredGround(nothing, nothing, nothing, np.inf)
@@ -85,7 +103,7 @@ def test_ground_that_lies_higher_is_measured_and_brings_the_rock_nearer() -> Non
     assert np.nanmax(np.abs(ground.height_m - 0.1)) < 1e-6
     assert ground.sd_m[200, 160] < ground.sd_m[60, 160]
     depth[labels == 1] = np.nan
-    moved = refined(structs.replace(ROCK, position_sd_m=1.0), depth, labels == 1, ground, EYES, KNOW)
+    moved = refined(structs.replace(ROCK, position_sd_m=1.0), depth, pixels_by_label(labels, 1)[0], ground, EYES, KNOW)
     # The camera is 1 m over the believed ground, 0.9 m over the true one; nearly all weight is on what was measured.
     assert moved.range_m == pytest.approx(0.9, abs=0.01)
     assert moved.position_w[2] == pytest.approx(0.1, abs=0.01)
@@ -112,8 +130,8 @@ def test_the_points_of_a_rock_tell_its_height() -> None:
     depth[labels == 1] = plane_depth(0.3)[labels == 1]
     ground = measured_ground(depth, labels, np.zeros((240, 320), bool), EYES)
     unsure = structs.replace(ROCK, height_sd_m=1.0)
-    assert refined(unsure, depth, labels == 1, ground, EYES, KNOW).height_m == pytest.approx(0.3, abs=0.01)
-    assert refined(structs.replace(unsure, cut=True), depth, labels == 1, ground, EYES, KNOW).height_m < 0.25
+    assert refined(unsure, depth, pixels_by_label(labels, 1)[0], ground, EYES, KNOW).height_m == pytest.approx(0.3, abs=0.01)
+    assert refined(structs.replace(unsure, cut=True), depth, pixels_by_label(labels, 1)[0], ground, EYES, KNOW).height_m < 0.25
 
 
 @pytest.mark.parametrize("lens", [
