@@ -102,7 +102,7 @@ def expected_views(
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """How landmarks at ``place_w`` (M, 3) should be seen (M, 3), and its derivatives.
 
-    Those are by the state (M, 3, 11) and by the places (M, 3, 3).
+    Those are by the state (M, 3, 13) and by the places (M, 3, 3).
     """
     axes = level_axes(float(state.mean[YAW]))
     w = (place_w - state.mean[: Z + 1]) @ axes.T
@@ -127,7 +127,7 @@ def crossing(w: FloatArray) -> FloatArray:
 def placed(state: LocalizationState, views: RockViews, camera_b: Vector3) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Where rocks seen for the first time are (K, 3), with its derivative and error.
 
-    The derivative is by the state (K, 3, 11), the covariance (K, 3, 3) what the view itself adds.
+    The derivative is by the state (K, 3, 13), the covariance (K, 3, 3) what the view itself adds.
     """
     axes = level_axes(float(state.mean[YAW]))
     distance, down = np.exp(views.seen[:, DISTANCE]), views.seen[:, DEPRESSION]

@@ -55,7 +55,7 @@ class LandmarkMap:
     """M landmarks, their errors' covariances with each other and with the rover's state, and what is known of each."""
 
     place_w: FloatArray = field(default_factory=lambda: np.zeros((0, 3)))  # (M, 3)
-    cross: FloatArray = field(default_factory=lambda: np.zeros((STATES, 0)))  # (11, 3 M)
+    cross: FloatArray = field(default_factory=lambda: np.zeros((STATES, 0)))  # (13, 3 M)
     covariance: FloatArray = field(default_factory=lambda: np.zeros((0, 0)))  # (3 M, 3 M)
     log_size: FloatArray = field(default_factory=lambda: np.zeros(0))  # (M,) of the diameter
     views: FloatArray = field(default_factory=lambda: np.zeros(0))  # (M,) how often seen
@@ -135,12 +135,12 @@ def _caught_up(known: LandmarkMap, state: LocalizationState) -> LandmarkMap:
 
 
 def _joint(state: LocalizationState, known: LandmarkMap) -> FloatArray:
-    """Covariance (11 + 3 M, 11 + 3 M) of state and map."""
+    """Covariance (13 + 3 M, 13 + 3 M) of state and map."""
     return np.block([[state.covariance, known.cross], [known.cross.T, known.covariance]])
 
 
 def _rows(by_state: FloatArray, by_place: FloatArray, landmark: Index, count: int) -> FloatArray:
-    """Derivatives (P, C, 11 + 3 M) of what is expected of some landmarks by state and map."""
+    """Derivatives (P, C, 13 + 3 M) of what is expected of some landmarks by state and map."""
     rows = np.zeros((len(landmark), by_state.shape[1], STATES + 3 * count))
     rows[:, :, :STATES] = by_state
     for pair, column in enumerate(STATES + 3 * landmark):

@@ -1,10 +1,10 @@
 """Where the rover believes it is: an extended Kalman filter over compass, gyroscope, wheel encoders and GNSS.
 
-State ``(x, y, z, yaw, gyro bias, speed factor, slide east, slide north, compass error, lean x, lean y)``: the
+State ``(x, y, z, yaw, gyro bias, speed factor, slide x 2, compass error, lean x 2, lasting lean x 2)``: the
 speed factor is true over wheel speed, so one minus it is the mean slip; it wanders and returns to what the soil usually
 gives. The slide is what the body moves beside that, downhill across a slope and while it turns on the spot, over the
 travel of its wheels. Roll and pitch come from a complementary filter of gyroscope and accelerometer; the lean is what
-they miss, about the level axes ahead and to the left. Without GNSS it is dead reckoning, and the standard deviations
+they miss, about the level axes ahead and to the left, and it returns to what the biases of both make lasting. Without GNSS it is dead reckoning, and the standard deviations
 grow, unless rocks are watched (`planner.landmarks`). Method: Thrun, Burgard, Fox, "Probabilistic Robotics" (2005),
 section 3.3; Mahony et al., IEEE TAC 53(5), 2008.
 """
@@ -49,13 +49,15 @@ class SensorModel:
     factor_sd: float = 0.25
     factor_time_s: float = 3.0
     side_slip_sd: float = 0.06  # of the speed, per sqrt(s): skid-steer wheels drift sideways
+    climb_sd: float = 0.06  # the same up and down: on soft ground a body is trimmed against its way
     slide_sd: float = 1.5  # slide over wheel travel, for each unit of the sine of the tilt; a turn on the spot has 2.2
     slide_distance_m: float = 1.0  # wheel travel after which a slide is forgotten
     tilt_time_s: float = 3.0  # the accelerometer corrects roll and pitch so slowly
     normal_distance_m: float = 8.0  # wheel travel over which the ground's normal is averaged
     first_normal_m: float = 1.0  # wheel travel that the first guess of the normal is worth
     compass_sd_rad: float = 0.0  # of an error that stays; 0: heading_sd_rad covers it
-    lean_sd_rad: float = 0.0  # of what the attitude misses; 0: nobody asks
+    lean_sd_rad: float = 0.0  # of what the attitude misses by chance; 0: nobody asks
+    level_sd_rad: float = 0.0  # of what it misses all along
     lean_time_s: float = 3.0
     scale_sd: float = 0.0  # of the share that all distances seen by the cameras are off
 
@@ -69,6 +71,8 @@ def model_without_satellites(gravity_m_s2: float) -> SensorModel:
         gyro_sd_rad_s=0.002,
         compass_sd_rad=0.009,
         lean_sd_rad=0.009,
+        level_sd_rad=0.008,
+        climb_sd=0.3,
         scale_sd=0.004,
     )
 
@@ -80,9 +84,9 @@ class Carried:
     Compressed extended Kalman filter: Guivant and Nebot, IEEE Trans. Robotics and Automation 17(3), 2001, section III.
     """
 
-    passed: FloatArray  # (11, 11) what became of an error of the state
-    learned: FloatArray  # (11, 11) information about the state at the start
-    pulled: FloatArray  # (11,) the same times the innovations
+    passed: FloatArray  # (13, 13) what became of an error of the state
+    learned: FloatArray  # (13, 13) information about the state at the start
+    pulled: FloatArray  # (13,) the same times the innovations
 
 
 def nothing_carried() -> Carried:
@@ -95,8 +99,8 @@ class LocalizationState:
     """All that the filter remembers."""
 
     time_s: float
-    mean: FloatArray  # (11,)
-    covariance: FloatArray  # (11, 11)
+    mean: FloatArray  # (13,)
+    covariance: FloatArray  # (13, 13)
     roll_rad: float
     pitch_rad: float
     speed_m_s: float  # along body x, after slip, without the slide
@@ -105,7 +109,7 @@ class LocalizationState:
     travel_m: float = 0.0  # of the wheels, turning on the spot included
     slide_m_s_w: FloatArray = field(default_factory=lambda: np.zeros(2))  # (2,)
     carried: Carried = field(default_factory=nothing_carried)
-    by_scale: FloatArray = field(default_factory=lambda: np.zeros(STATES))  # (11,) by the share seen distances are off
+    by_scale: FloatArray = field(default_factory=lambda: np.zeros(STATES))  # (13,) by the share seen distances are off
     scale_sd: float = 0.0
 
     @property
@@ -120,20 +124,21 @@ def start(
     position_w: Vector3,
     position_sd_m: float = 0.05,
     model: SensorModel | None = None,
-    heading: tuple[float, float] | None = None,
+    attitude: tuple[Vector3, float] | None = None,
 ) -> LocalizationState:
-    """State of a rover that stands still at a known place; tilt comes from ``readings``.
+    """State of a rover that stands still at a known place; tilt and heading come from ``readings``.
 
-    So does the heading, unless ``heading`` (rad, and one sigma) is known as well.
+    Unless ``attitude`` is known as well: roll, pitch and yaw (rad), and one sigma of each.
     """
     model = model or SensorModel()
     if readings.imu is None or readings.imu.heading_rad is None:
         raise ValueError("a rover cannot start without inertial unit and compass")
-    yaw, yaw_sd = heading or (readings.imu.heading_rad, model.heading_sd_rad)
-    roll, pitch = _tilt(readings.imu.acceleration_b)
-    mean = np.array([*position_w, yaw, 0.0, model.usual_factor, *(0.0,) * 5])
+    told = (*_tilt(readings.imu.acceleration_b), readings.imu.heading_rad), model.heading_sd_rad
+    (roll, pitch, yaw), yaw_sd = attitude or told
+    lean_sd = model.lean_sd_rad if attitude is None else min(yaw_sd, model.lean_sd_rad)
+    mean = np.array([*position_w, yaw, 0.0, model.usual_factor, *(0.0,) * 7])
     slide_sd = model.slide_sd * float(np.sin(np.hypot(roll, pitch)))
-    unseen = model.compass_sd_rad, model.lean_sd_rad, model.lean_sd_rad
+    unseen = model.compass_sd_rad, lean_sd, lean_sd, model.level_sd_rad, model.level_sd_rad
     sd = np.array([*(position_sd_m,) * 3, yaw_sd, 0.01, model.factor_sd, slide_sd, slide_sd, *unseen])
     # One place tells the general slope no better than "level" does: half of each.
     normal = rotation_from_quaternion(quaternion_from_euler(roll / 2, pitch / 2, yaw))[:, 2]
@@ -222,7 +227,7 @@ def _noise(
     *,
     silent: bool,
 ) -> tuple[float, ...]:
-    """Variances that a step adds to place, heading, bias, factor, slide and lean, and that of the heading read after.
+    """Variances that a step adds to x and y, heading, bias, factor, slide and lean; of the heading read; added to z.
 
     ``silent``: no heading is read.
     """
@@ -235,6 +240,7 @@ def _noise(
         model.lean_sd_rad**2 * (1 - kept[2] ** 2),
         # Readings inside one correlation time carry one reading's worth of news.
         _NO_NEWS if silent else model.heading_sd_rad**2 * max(1.0, model.heading_correlation_s / step),
+        (model.climb_sd * wheel_speed) ** 2 * step,
     )
 
 

@@ -32,7 +32,7 @@ STEPS_PER_S = 240  # unless an autopilot from outside wants another rate; what i
 CONTROL_STEPS = 5  # sensors, estimate, autopilot and link at 48 Hz
 TRACE_STEPS = 10  # trace and judge at 24 Hz
 SENSOR_STREAM, CAMERA_STREAM, LASER_STREAM, LINK_STREAM, SURVEY_STREAM = 101, 102, 103, 104, 106  # of the seed
-SURVEY_SD_M, SURVEY_HEADING_SD_RAD = 0.02, 0.002  # of the start, where no GNSS tells
+SURVEY_SD_M, SURVEY_SD_RAD = 0.02, 0.002  # of the start, where no GNSS tells
 
 
 def home(world: World) -> Vector3:
@@ -91,11 +91,12 @@ class DrivenRover:
             return model, localization.start(readings, place, model=model)
         # A survey measures the rover as it has come to rest: on rough ground that may have turned it by degrees.
         model, pose = model_without_satellites(gravity), self.simulation.state.pose
-        off = np.random.default_rng([world.seed, SURVEY_STREAM]).standard_normal(4)
+        off = np.random.default_rng([world.seed, SURVEY_STREAM]).standard_normal(6)
         x, y, z = (pose.position_w + SURVEY_SD_M * off[:3]).tolist()
-        heading = euler_from_quaternion(pose.quaternion_w)[2] + SURVEY_HEADING_SD_RAD * float(off[3])
-        surveyed = heading, SURVEY_HEADING_SD_RAD
-        return model, localization.start(readings, (x, y, z), SURVEY_SD_M, model, surveyed)
+        yaw_off, roll_off, pitch_off = (SURVEY_SD_RAD * off[3:]).tolist()
+        roll, pitch, yaw = euler_from_quaternion(pose.quaternion_w)
+        attitude = roll + roll_off, pitch + pitch_off, yaw + yaw_off
+        return model, localization.start(readings, (x, y, z), SURVEY_SD_M, model, (attitude, SURVEY_SD_RAD))
 
     def close(self) -> None:
         """End the physics."""

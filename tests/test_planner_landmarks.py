@@ -54,7 +54,7 @@ def still(heading_rad: float = 0.0, time_s: float = 0.0) -> SensorReadings:
 
 def known_pose(x_variance: float = 0.0) -> loc.LocalizationState:
     """At the origin, sure of all but how far along x."""
-    state = loc.start(still(), (0.0, 0.0, 0.0), model=SENSORS, heading=(0.0, 0.0))
+    state = loc.start(still(), (0.0, 0.0, 0.0), model=SENSORS, attitude=((0.0, 0.0, 0.0), 0.0))
     covariance = np.zeros((STATES, STATES))
     covariance[X, X] = x_variance
     return replace(state, covariance=covariance)
@@ -178,7 +178,7 @@ def drive(
     rocks = np.column_stack([rng.uniform(-8, 20, 360), rng.uniform(-8, 8, 360), np.full(360, -0.16)])
     size = np.exp(rng.normal(np.log(0.25), 0.4, 360))
     heading = float(rng.normal(0.0, 0.002))
-    state = loc.start(still(), (*rng.normal(0.0, 0.02, 2), 0.0), 0.02, STEADY, (heading, 0.002))
+    state = loc.start(still(), (*rng.normal(0.0, 0.02, 2), 0.0), 0.02, STEADY, ((0.0, 0.0, heading), 0.002))
     compass, known, true = rng.normal(0.0, 0.009), LandmarkMap(), np.zeros(3)
     for tick in range(1, int(48 * seconds)):
         motion = 0.4, 0.15 * np.sin(tick / 150.0) if turning is None else turning
@@ -257,7 +257,7 @@ def test_a_rover_that_meets_another_world_says_that_it_is_lost() -> None:
 
 def test_places_move_with_the_pose_they_were_seen_from() -> None:
     before = loc.estimate(known_pose())
-    turned = loc.start(still(), (1.0, 2.0, 0.5), model=SENSORS, heading=(np.pi / 2, 0.0))
+    turned = loc.start(still(), (1.0, 2.0, 0.5), model=SENSORS, attitude=((0.0, 0.0, np.pi / 2), 0.0))
     seen = replace(picture([level_rock(3.7)]), class_centre_w=np.array([[[4.0, 1.0]]]))
     after = moved(seen, before, loc.estimate(turned))
     # 4 m ahead of the origin becomes 4 m north of (1, 2); 1 m to the left becomes 1 m to the west.
@@ -269,7 +269,7 @@ def test_a_lost_rover_looks_all_around_and_then_gives_up() -> None:
     plan = navigator.begin((20.0, 0.0), 0.5, FOOTPRINT, (0.0, 0.0))
     looking, headings, heading = None, [], 0.0
     for look in range(200):
-        at = loc.start(still(), (0.0, 0.0, 0.0), model=SENSORS, heading=(heading, 0.0))
+        at = loc.start(still(), (0.0, 0.0, 0.0), model=SENSORS, attitude=((0.0, 0.0, heading), 0.0))
         looking = search(looking, "1 of 6 landmarks met", plan, loc.estimate(at), 0.5 * look)
         if looking.decision.kind == "lost":
             break
