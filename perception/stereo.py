@@ -202,10 +202,10 @@ def refined(
 ) -> PerceivedRock:
     """A placed rock moved along its line of sight, and of the height, that all that is known of it makes likeliest.
 
-    ``depth_m`` (H, W) and ``shown``, the rock's rows and columns (N,), are of the working picture. One picture knows a rock but for its scale: at k times
-    the distance everything about it is k times as large. The believed plane says k = 1, the measured ground beside
-    the rock and the depth of its own foot say others; they are averaged by their variances, as is the height of its
-    top over the ground with that of its outline.
+    ``depth_m`` (H, W) and ``shown``, the rock's rows and columns (N,), are of the working picture. One picture knows a
+    rock but for its scale: at k times the distance everything about it is k times as large. The believed plane says
+    k = 1, the measured ground beside the rock and the depth of its own foot say others; they are averaged by their
+    variances, as is the height of its top over the ground with that of its outline.
     """
     rows, columns = shown
     row, column = int(rows.max()), int(columns[rows >= rows.max() - 1].mean())

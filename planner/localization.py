@@ -1,12 +1,12 @@
 """Where the rover believes it is: an extended Kalman filter over compass, gyroscope, wheel encoders and GNSS.
 
-State ``(x, y, z, yaw, gyro bias, speed factor, slide x 2, compass error, lean x 2, lasting lean x 2)``: the
-speed factor is true over wheel speed, so one minus it is the mean slip; it wanders and returns to what the soil usually
+State ``(x, y, z, yaw, gyro bias, speed factor, slide x 2, compass error, lean x 2, lasting lean x 2)``: the speed
+factor is true over wheel speed, so one minus it is the mean slip; it wanders and returns to what the soil usually
 gives. The slide is what the body moves beside that, downhill across a slope and while it turns on the spot, over the
 travel of its wheels. Roll and pitch come from a complementary filter of gyroscope and accelerometer; the lean is what
-they miss, about the level axes ahead and to the left, and it returns to what the biases of both make lasting. Without GNSS it is dead reckoning, and the standard deviations
-grow, unless rocks are watched (`planner.landmarks`). Method: Thrun, Burgard, Fox, "Probabilistic Robotics" (2005),
-section 3.3; Mahony et al., IEEE TAC 53(5), 2008.
+they miss, about the level axes ahead and to the left, and it returns to the lasting lean, which biases of both make.
+Without GNSS it is dead reckoning, and the standard deviations grow, unless rocks are watched (`planner.landmarks`).
+Method: Thrun, Burgard, Fox, "Probabilistic Robotics" (2005), section 3.3; Mahony et al., IEEE TAC 53(5), 2008.
 """
 
 from __future__ import annotations

@@ -130,8 +130,13 @@ def test_the_points_of_a_rock_tell_its_height() -> None:
     depth[labels == 1] = plane_depth(0.3)[labels == 1]
     ground = measured_ground(depth, labels, np.zeros((240, 320), bool), EYES)
     unsure = structs.replace(ROCK, height_sd_m=1.0)
-    assert refined(unsure, depth, pixels_by_label(labels, 1)[0], ground, EYES, KNOW).height_m == pytest.approx(0.3, abs=0.01)
-    assert refined(structs.replace(unsure, cut=True), depth, pixels_by_label(labels, 1)[0], ground, EYES, KNOW).height_m < 0.25
+    assert refined(unsure, depth, pixels_by_label(labels, 1)[0], ground, EYES, KNOW).height_m == pytest.approx(
+        0.3, abs=0.01
+    )
+    assert (
+        refined(structs.replace(unsure, cut=True), depth, pixels_by_label(labels, 1)[0], ground, EYES, KNOW).height_m
+        < 0.25
+    )
 
 
 @pytest.mark.parametrize("lens", [

@@ -11,12 +11,12 @@ from planner import navigator
 from planner.landmark_matching import MatchModel, Pairs, compatible
 from planner.landmark_views import ViewModel
 from planner.landmarks import LandmarkMap, LandmarkModel, _caught_up, watch
-from planner.localization_kernels import STATES, YAW, X
+from planner.localization_kernels import FACTOR, LEAN_X, LEAN_Y, LEVEL_X, LEVEL_Y, STATES, YAW, X
 from planner.lost import search
 from planner.mobility import wheel_speeds
 from planner.relocation import moved
 from tests.planner_factory import FOOTPRINT
-from worlds.geometry import wrap_angle
+from worlds.geometry import rotation_from_quaternion, wrap_angle
 from worlds.types import FloatArray, ImuReading, Observation, PerceivedRock, SensorReadings
 
 G = 3.71
@@ -118,6 +118,46 @@ def test_seeing_a_landmark_again_from_one_place_tells_nothing_of_the_place() -> 
     assert second.state.mean[X] == pytest.approx(0.0, abs=1e-9)
     assert second.state.covariance[X, X] == pytest.approx(0.04, rel=1e-9)
     assert second.landmarks.covariance[0, 0] - 0.04 == pytest.approx((4.0 * SHARE_SD) ** 2 / 2.0, rel=1e-2)
+
+
+def test_rocks_tell_what_a_biased_accelerometer_makes_of_the_attitude() -> None:
+    # It feels 0.05 of 3.71 m/s2 too much ahead: the nose is believed 13.5 mrad too high, and rocks seem to sink.
+    reading = still()
+    assert reading.imu is not None
+    biased = replace(reading, imu=replace(reading.imu, acceleration_b=(0.05, 0.0, G)))
+    state = loc.start(biased, (0.0, 0.0, 0.0), model=SENSORS, attitude=((0.0, 0.0, 0.0), 0.002))
+    places = [level_rock(2.0).position_w, level_rock(3.0, 0.8).position_w, level_rock(4.0, -0.9).position_w]
+    known = LandmarkMap()
+    for tick in range(1, 48 * 30):
+        state = loc.localize(state, replace(biased, time_s=tick / 48.0), FOOTPRINT, SENSORS)
+        if tick % 24 == 1:
+            believed = loc.estimate(state)
+            turned = rotation_from_quaternion(believed.pose.quaternion_w)
+            eye = believed.pose.position_w + turned @ CAMERA_B
+            seen = [rock(eye + turned @ (np.array(place) - CAMERA_B), eye) for place in places]
+            watched = watch(state, known, picture(seen, state), believed, CAMERA_B, MODEL)
+            state, known = watched.state, watched.landmarks
+    assert state.pitch_rad == pytest.approx(-0.05 / G, rel=0.02)
+    # Of this a part might as well be the rover sinking.
+    assert state.mean[LEAN_Y] == pytest.approx(0.05 / G, rel=0.25)
+    assert state.mean[LEVEL_Y] == pytest.approx(0.05 / G, rel=0.35)
+    assert state.mean[[LEAN_X, LEVEL_X]] == pytest.approx([0.0, 0.0], abs=0.003)
+
+
+def test_a_rover_whose_nose_is_lower_than_believed_drives_down() -> None:
+    state = known_pose()
+    mean = state.mean.copy()
+    mean[[LEAN_Y, LEVEL_Y]], mean[FACTOR] = 0.02, SENSORS.usual_factor
+    state = replace(state, mean=mean)
+    for tick in range(1, 97):
+        state = loc.localize(
+            state,
+            replace(still(time_s=tick / 48.0), wheel_speed_rad_s=wheel_speeds(0.5, 0.0, FOOTPRINT)),
+            FOOTPRINT,
+            SENSORS,
+        )
+    way = 2.0 * 0.5 * SENSORS.usual_factor
+    assert state.mean[:3] == pytest.approx([way, 0.0, -0.02 * way], abs=1e-6)
 
 
 def test_what_cannot_be_the_landmark_is_not_taken_for_it() -> None:
