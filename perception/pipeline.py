@@ -192,9 +192,7 @@ def with_second_eye(
     ground = measured_ground(depth, found.labels, found.hidden, eyes)
     shown = pixels_by_label(found.labels, len(found.rocks))
     rocks = tuple(
-        structs.replace(
-            rock, placed=refined(rock.placed, depth, shown[rock.id - 1], ground, eyes, knowledge.ground)
-        )
+        structs.replace(rock, placed=refined(rock.placed, depth, shown[rock.id - 1], ground, eyes, knowledge.ground))
         if rock.placed
         else rock
         for rock in found.rocks
