@@ -132,7 +132,12 @@ def drive(seed: int, metres: float) -> dict[str, Any]:
 
 def goal(seed: int) -> dict[str, Any]:
     """How a traverse of the rock field ends with GNSS, and how without."""
-    cell = {"cfa": [0.07], "slope_deg": [10.0], "soil": ["mars_sand"], "sensors": ["stereo"]}
+    cell: dict[str, list[str | float]] = {
+        "cfa": [0.07],
+        "slope_deg": [10.0],
+        "soil": ["mars_sand"],
+        "sensors": ["stereo"],
+    }
     (trial,) = trials_of("nav", cell, [seed], None)
     row: dict[str, Any] = {"seed": seed}
     for name, chosen in (("gnss", trial.scenario), ("no_gnss", without_gnss(trial.scenario))):
