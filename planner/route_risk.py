@@ -71,7 +71,8 @@ def in_words(risk: RouteRisk) -> str:
         return text
     (x, y), (end_x, end_y) = risk.ways_w[risk.riskiest]
     worst = percent(risk.legs[risk.riskiest].fails)
-    return f"{text}, leg {risk.riskiest + 1} from ({x:.1f}, {y:.1f}) to ({end_x:.1f}, {end_y:.1f}) m of {worst}"
+    leg = f"leg {risk.riskiest + 1}, ({x:.1f}, {y:.1f}) to ({end_x:.1f}, {end_y:.1f}) m"
+    return f"{text}, most likely on {leg}: {worst}"
 
 
 def percent(chance: Chance) -> str:

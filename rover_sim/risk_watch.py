@@ -13,6 +13,7 @@ from planner.route_risk import RouteRisk
 from rover_sim.autopilot.modes import Severity
 from worlds.types import FloatArray
 
+RiskyWay = tuple[FloatArray, Forecast]  # a way (2, 2) and what was forecast of it
 Say = Callable[[Severity, str], None]
 NEAR_LIMIT = 0.5  # of the limit: from there on a risk is worth a warning
 
@@ -54,6 +55,15 @@ class RiskWatch:
         self._close(route, time_s)
         at = route.at
         self.visits.append(Visit(route.leg, route.risk.ways_w[at], route.risk.legs[at], time_s))
+
+    def risky_ways(self, route: Following) -> list[RiskyWay]:
+        """Legs with their forecasts: those that were begun, then the rest of the route as it stands."""
+        begun = [(visit.way_w, visit.forecast) for visit in self.visits]
+        risk = route.risk if self.visits else least_risky(route)
+        if risk is None:
+            return begun
+        after = route.at + 1 if self.visits else 0
+        return begun + list(zip(risk.ways_w[after:], risk.legs[after:], strict=True))
 
     def _close(self, route: Following, time_s: float) -> None:
         """The leg before is over; it was driven to its end if the route counts it among those behind the rover."""

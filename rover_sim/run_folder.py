@@ -57,6 +57,7 @@ def write(folder: Path, traverse: Traverse, sights: Sights, summary: dict[str, A
         title=title,
         ruts=ruts,
         route=traverse.route,
+        risky=traverse.risky_ways,
     )
     save_run_map(folder / "map.png", traverse.world, data)
 

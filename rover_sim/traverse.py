@@ -38,7 +38,7 @@ from rover_sim.pacing import WallClock
 from rover_sim.planner_link import PlannerLink
 from rover_sim.risk_belief import risk_vehicle
 from rover_sim.risk_figures import risk_figures
-from rover_sim.risk_watch import RiskWatch
+from rover_sim.risk_watch import RiskWatch, RiskyWay
 from rover_sim.route_map import first_route
 from rover_sim.scoring import ClassScore
 from rover_sim.sim.laser import LaserScanner
@@ -220,6 +220,11 @@ class Traverse:
     def route(self) -> Following | None:
         """The route above navigation as it stands; None where there is none."""
         return None if self._computer is None else self._computer.route
+
+    @property
+    def risky_ways(self) -> list[RiskyWay]:
+        """Legs of the route and what was forecast of them; none without a route."""
+        return [] if self.route is None else self._risk.risky_ways(self.route)
 
     @property
     def simulation(self) -> Simulation:

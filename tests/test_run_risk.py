@@ -240,6 +240,19 @@ def test_a_leg_that_was_given_up_neither_failed_nor_arrived() -> None:
     assert figures["legs"][1]["happened"]["fails"] is False
 
 
+def test_the_picture_has_legs_as_they_were_begun_and_then_those_that_are_left() -> None:
+    route = begun(ridge(1.75))
+    watch, other = driven(route), begun(ridge(1.7))
+    second = replace(other, routes=(route.route,))
+    watch.look(15.0, second, 0)
+    ways = watch.risky_ways(second)
+    assert other.risk is not None
+    assert route.risk is not None
+    assert [forecast for _, forecast in ways] == [*route.risk.legs[:2], *other.risk.legs]
+    refused = begun(ridge(1.75, low_end_m=1e3), 0.1)
+    assert len(RiskWatch(Heard().say).risky_ways(refused)) > 1
+
+
 def test_a_refused_route_has_a_forecast_and_nothing_happened() -> None:
     route = begun(ridge(1.75, low_end_m=1e3), 0.1)
     watch = RiskWatch(Heard().say)
@@ -276,7 +289,7 @@ def test_a_foreign_autopilot_hears_the_companion_once_it_is_found() -> None:
 def test_the_example_loads() -> None:
     scenario = load_scenario(str(Path(__file__).parents[1] / "examples" / "risk.toml"))
     assert scenario.risk is not None
-    assert scenario.risk.limit == 0.25
+    assert scenario.risk.limit == 0.2
 
 
 def test_unknown_soils_of_a_prior_are_scenario_errors() -> None:

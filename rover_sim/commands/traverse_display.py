@@ -66,7 +66,11 @@ def progress_bar(name: str, seed: int) -> Iterator[Callable[[Status], None]]:
 
 
 def print_plan(route: Following | None) -> None:
-    """The legs of a route with what is forecast of each, before it is driven; nothing without a forecast."""
+    """The legs of a route with what is forecast of each, before it is driven; nothing without a forecast.
+
+    The distance off a leg is the one that 95 % of the rollouts keep to.
+    """
+    from rich.box import SIMPLE
     from rich.console import Console
     from rich.table import Table
 
@@ -79,13 +83,15 @@ def print_plan(route: Following | None) -> None:
     limit = route.risk_model.limit
     allowed = "no limit" if limit is None else f"limit {100 * limit:.0f} %"
     what = f"the route {in_words(risk)}; {allowed}" if route.route.refusal is None else f"refused: {route.route.reason}"
-    table = Table("leg", "to, m", "length, m", "fails", "rolls over", "sticks", "off its line, 95 %", title="Plan")
+    table = Table(
+        "leg", "to, m", "length, m", "fails", "rolls over", "sticks", "off it, m", "", title="Plan", box=SIMPLE
+    )
     for number, (way, leg) in enumerate(zip(risk.ways_w, risk.legs, strict=True)):
         chances = [f"{100 * chance.probability:.0f} %" for chance in (leg.fails, leg.rollover, leg.immobilised)]
-        mark = " <- riskiest" if number == risk.riskiest and leg.fails.probability > 0.0 else ""
+        mark = "riskiest" if number == risk.riskiest and leg.fails.probability > 0.0 else ""
         length_m = math.dist(*way)
         place = f"({way[1][0]:.1f}, {way[1][1]:.1f})"
-        table.add_row(f"{number + 1}", place, f"{length_m:.1f}", *chances, f"{leg.lateral_p95_m:.2f} m{mark}")
+        table.add_row(f"{number + 1}", place, f"{length_m:.1f}", *chances, f"{leg.lateral_p95_m:.2f}", mark)
     console = Console()
     console.print(table)
     console.print(what, highlight=False)

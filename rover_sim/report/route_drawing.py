@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import Circle
 
 from planner.route_following import Following, least_risky
-from planner.route_risk import RouteRisk
+from rover_sim.risk_watch import RiskyWay
 
 ROUTE, RISK = "orange", "red"
 LEAST_TOLD = 0.01  # probability of failure of a leg
 
 
-def draw_route(axes: Axes, route: Following) -> None:
-    """Former routes thin, the last one bold; legend labels are set, the caller draws the legend."""
+def draw_route(axes: Axes, route: Following, risky: Sequence[RiskyWay] | None = None) -> None:
+    """Former routes thin, the last one bold; legend labels are set, the caller draws the legend.
+
+    ``risky``: ways with the forecasts to be told of them; None: the legs of the route as it stands.
+    """
     for former in route.routes:
         axes.plot(*former.way_w.T, color=ROUTE, linewidth=0.8, linestyle=":", zorder=4)
     axes.plot(*route.route.way_w.T, color=ROUTE, linewidth=1.4, linestyle="--", zorder=4, label="route")
@@ -45,23 +50,23 @@ def draw_route(axes: Axes, route: Following) -> None:
         zorder=7,
         label="landmark",
     )
-    risk = least_risky(route)
-    if risk is not None:
-        _draw_risk(axes, risk)
+    if risky is None and (planned := least_risky(route)) is not None:
+        risky = list(zip(planned.ways_w, planned.legs, strict=True))
+    if risky:
+        _draw_risk(axes, risky)
     for x, y, radius in route.blocked_w:
         axes.add_patch(
             Circle((x, y), radius, facecolor="none", edgecolor="red", linestyle=":", linewidth=0.8, zorder=4)
         )
 
 
-def _draw_risk(axes: Axes, risk: RouteRisk) -> None:
-    """The riskiest leg broad, and the probability of failure beside each leg that has one."""
-    worst = risk.legs[risk.riskiest].fails.probability
-    if worst > 0.0:
-        label = f"riskiest leg: fails {100 * worst:.0f} %"
-        way = risk.ways_w[risk.riskiest].T
-        axes.plot(*way, label=label, color=RISK, linewidth=7.0, alpha=0.45, solid_capstyle="round", zorder=3.5)
-    for way, leg in zip(risk.ways_w, risk.legs, strict=True):
+def _draw_risk(axes: Axes, risky: Sequence[RiskyWay]) -> None:
+    """The riskiest way broad, and the probability of failure beside each that has one."""
+    worst, leg = max(risky, key=lambda one: one[1].fails.probability)
+    if leg.fails.probability > 0.0:
+        label = f"riskiest leg: fails {100 * leg.fails.probability:.0f} %"
+        axes.plot(*worst.T, label=label, color=RISK, linewidth=7.0, alpha=0.45, solid_capstyle="round", zorder=3.5)
+    for way, leg in risky:
         if (share := leg.fails.probability) >= LEAST_TOLD:
             middle = way.mean(axis=0)
             text = axes.annotate(f"{100 * share:.0f} %", middle, xytext=(0, 7), textcoords="offset points", fontsize=7)

@@ -21,6 +21,7 @@ from rover_sim.files import atomic_path
 from rover_sim.report.believed_track import draw_believed_track
 from rover_sim.report.ground_map import draw_ground, draw_ruts
 from rover_sim.report.route_drawing import draw_route
+from rover_sim.risk_watch import RiskyWay
 from rover_sim.sim.mobility_events import Kind, MobilityEvent
 from worlds.types import FloatArray, World
 
@@ -55,12 +56,13 @@ class MapData:
     title: str
     ruts: SavedRuts | None = None
     route: Following | None = None
+    risky: Sequence[RiskyWay] = ()  # legs of the route with their forecasts
 
 
 def _extent(data: MapData, world: World) -> tuple[float, float, float, float]:
     """Left, right, bottom and top of the part of the world that matters, square enough to look at."""
-    route = np.zeros((0, 2)) if data.route is None else data.route.route.way_w
-    points = np.vstack([data.trace["position_w"][:, :2], np.asarray(world.goal_w)[None, :2], route])
+    routes = [] if data.route is None else [route.way_w for route in (*data.route.routes, data.route.route)]
+    points = np.vstack([data.trace["position_w"][:, :2], np.asarray(world.goal_w)[None, :2], *routes])
     low, high = points.min(axis=0) - MARGIN_M, points.max(axis=0) + MARGIN_M
     short = max(0.0, 0.45 * float((high - low).max()) - float((high - low).min())) / 2
     axis = int(np.argmin(high - low))
@@ -156,7 +158,7 @@ def run_figure(world: World, data: MapData) -> Figure:
     _draw_events(map_axes, data.events)
     draw_believed_track(map_axes, data.trace)
     if data.route is not None:
-        draw_route(map_axes, data.route)
+        draw_route(map_axes, data.route, data.risky)
     _draw_belief(map_axes, data)
     bar = figure.colorbar(_draw_driven(map_axes, data), ax=map_axes, shrink=0.8, pad=0.01)
     bar.set_label("mean slip ratio")
