@@ -70,7 +70,6 @@ def print_plan(route: Following | None) -> None:
 
     The distance off a leg is the one that 95 % of the rollouts keep to.
     """
-    from rich.box import SIMPLE
     from rich.console import Console
     from rich.table import Table
 
@@ -83,9 +82,8 @@ def print_plan(route: Following | None) -> None:
     limit = route.risk_model.limit
     allowed = "no limit" if limit is None else f"limit {100 * limit:.0f} %"
     what = f"the route {in_words(risk)}; {allowed}" if route.route.refusal is None else f"refused: {route.route.reason}"
-    table = Table(
-        "leg", "to, m", "length, m", "fails", "rolls over", "sticks", "off it, m", "", title="Plan", box=SIMPLE
-    )
+    names = "leg", "to, m", "length, m", "fails", "rolls over", "sticks", "off it, m", ""
+    table = Table(*names, title="Plan", box=None, padding=(0, 2, 0, 0))
     for number, (way, leg) in enumerate(zip(risk.ways_w, risk.legs, strict=True)):
         chances = [f"{100 * chance.probability:.0f} %" for chance in (leg.fails, leg.rollover, leg.immobilised)]
         mark = "riskiest" if number == risk.riskiest and leg.fails.probability > 0.0 else ""
