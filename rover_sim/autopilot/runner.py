@@ -50,6 +50,7 @@ class MissionRunner:
         self._leg: _Leg | None = None
         self._heading_rad: float | None = None
         self._until_s: float | None = None
+        self._tuned: tuple[tuple[Limits, float, float], Limits] | None = None
         self._jumps: dict[int, int] = {}  # how often each was made
 
     def load(self, mission: Mission, current: int | None = None) -> None:
@@ -150,9 +151,7 @@ class MissionRunner:
         radius = item.radius_m if isinstance(item, DriveTo) and item.radius_m > 0.0 else limits.arrival_radius_m
         cruise = limits.cruise_speed_m_s if self._speed_m_s is None else self._speed_m_s
         arrival = radius if stops else limits.arrival_radius_m
-        tuned = limits
-        if (cruise, arrival) != (limits.cruise_speed_m_s, limits.arrival_radius_m):
-            tuned = replace(limits, cruise_speed_m_s=cruise, arrival_radius_m=arrival)
+        tuned = self._tune(limits, cruise, arrival)
         command, leg.progress = follow_path(
             leg.path_w, estimate, self._footprint, tuned, leg.progress, reverse=self._reverse
         )
@@ -163,6 +162,13 @@ class MissionRunner:
             self.current += 1
             return None
         return command
+
+    def _tune(self, limits: Limits, cruise_m_s: float, arrival_m: float) -> Limits:
+        """The limits with another speed and radius; the last ones are kept, as they are asked for at every step."""
+        wanted = limits, cruise_m_s, arrival_m
+        if self._tuned is None or self._tuned[0] != wanted:
+            self._tuned = wanted, replace(limits, cruise_speed_m_s=cruise_m_s, arrival_radius_m=arrival_m)
+        return self._tuned[1]
 
     def _passed(self, leg: _Leg, estimate: PoseEstimate, radius_m: float) -> bool:
         """Whether the waypoint is within its radius, or lies behind on the path: a cut corner counts."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
@@ -39,7 +38,6 @@ class VehicleWatch:
         """``mode_of``: our number of its modes; ``first_item``: our number of its mission's item 0."""
         self.mode_of, self.first_item = mode_of, first_item
         self._status = VehicleStatus()
-        self._texts: deque[tuple[float, int, str]] = deque(maxlen=_LAST_TEXTS)
         self._chunks: dict[int, str] = {}
         self._time_s = 0.0
         self.handlers: Mapping[str, Callable[[Message], None]] = {
@@ -53,7 +51,7 @@ class VehicleWatch:
     @property
     def status(self) -> VehicleStatus:
         """What is known of the vehicle now."""
-        return replace(self._status, texts=tuple(self._texts))
+        return self._status
 
     @property
     def linked(self) -> bool:
@@ -106,4 +104,5 @@ class VehicleWatch:
         if message.id and len(message.text) == 50:
             self._chunks = {message.id: whole}  # chunks of one text come in a row
             return
-        self._texts.append((self._time_s, message.severity, whole))
+        texts = (*self._status.texts, (self._time_s, message.severity, whole))
+        self._status = replace(self._status, texts=texts[-_LAST_TEXTS:])

@@ -14,8 +14,8 @@ from rover_sim.sim.rover import RoverModel
 from worlds.types import BatteryReading
 
 CELLS = 6
-_CHARGE = (0.0, 0.05, 0.1, 0.2, 0.5, 0.8, 0.9, 1.0)
-_CELL_V = (2.9, 3.3, 3.45, 3.55, 3.68, 3.95, 4.05, 4.18)
+_CHARGE = np.array([0.0, 0.05, 0.1, 0.2, 0.5, 0.8, 0.9, 1.0])
+_CELL_V = np.array([2.9, 3.3, 3.45, 3.55, 3.68, 3.95, 4.05, 4.18])
 
 
 class Battery:

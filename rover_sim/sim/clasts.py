@@ -24,19 +24,24 @@ _TILES = 1 << 15  # on either side of the origin: 131 km
 
 
 def clast_ids(
-    picture: RenderedImage, camera: CameraModel, pose: Pose, pebbles: Pebbles, drift: Pyramid, first: int
+    picture: RenderedImage, camera: CameraModel, pose: Pose, pebbles: Pebbles, strength: SingleArray, first: int
 ) -> IntArray:
     """The ids (H, W) of ``picture`` with visible pebbles numbered from ``first`` on.
 
+    ``strength`` (texels,): that of the fine texture, row by row of the broad one (`strength_of`).
     A pebble is visible where it covers a pixel or more and the ground shows it. What wheels pressed in counts too.
     """
     ids = picture.ids.copy()
     lens = (camera.width_px / 2, camera.height_px / 2, camera.focal_px)
-    texels, strength = pebbles.owner, np.ascontiguousarray(drift.finest()[..., 3]).ravel()
-    pixels, keys = _shown(picture, pose, lens, texels, pebbles.area_m2, strength)
+    pixels, keys = _shown(picture, pose, lens, pebbles.owner, pebbles.area_m2, strength)
     _, number = np.unique(keys, return_inverse=True)
     ids.ravel()[pixels] = first + number
     return ids
+
+
+def strength_of(drift: Pyramid) -> SingleArray:
+    """How strong the fine texture shows (texels,), from the broad one."""
+    return np.ascontiguousarray(drift.finest()[..., 3]).ravel()
 
 
 def _shown(

@@ -32,11 +32,16 @@ def arm_offsets(rover: RoverModel) -> FloatArray:
     return np.array([np.subtract(arm.centre_of_mass_m, arm.pivot_m) for arm in arms]).reshape(-1, 3)
 
 
-def mass_centre_w(rover: RoverModel, body: FloatArray, hubs_w: FloatArray, arms: FloatArray) -> FloatArray:
-    """Centre of mass (3,) in the world from ``body`` (18,), hubs (n, 3) and arms as `motion_kernels` moved them."""
+def mass_centre_w(
+    rover: RoverModel, mass_kg: float, offsets: FloatArray, body: FloatArray, hubs_w: FloatArray, arms: FloatArray
+) -> FloatArray:
+    """Centre of mass (3,) in the world from ``body`` (18,), hubs (n, 3) and arms as `motion_kernels` moved them.
+
+    ``mass_kg`` of the rover and `arm_offsets` are what the rover says each time anew, and takes long to say.
+    """
     total = rover.chassis.mass_kg * body[:3] + rover.wheel.mass_kg * hubs_w.sum(axis=0)
     rotation = body[9:18].reshape(3, 3)
-    for arm, row, (x, y, z) in zip(rover.suspension.arm, arms, arm_offsets(rover), strict=True):
+    for arm, row, (x, y, z) in zip(rover.suspension.arm, arms, offsets, strict=True):
         sin, cos = row[kernel.ARM_SIN], row[kernel.ARM_COS]
         place = (
             row[kernel.ARM_X] + cos * x + sin * z,
@@ -44,7 +49,7 @@ def mass_centre_w(rover: RoverModel, body: FloatArray, hubs_w: FloatArray, arms:
             row[kernel.ARM_Z] - sin * x + cos * z,
         )
         total = total + arm.mass_kg * (body[:3] + rotation @ place)
-    return np.asarray(total / rover.mass_kg)
+    return np.asarray(total / mass_kg)
 
 
 def _relative(rover: RoverModel, places_b: tuple[Vector3, ...]) -> FloatArray:

@@ -16,12 +16,14 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from rover_sim.sim.borrowed import borrowed
 from worlds.types import BoolArray, FloatArray, IntArray
 
 KeyArray = NDArray[np.float32]
 
 NEAR = 0.05  # m: what is closer to the lens is cut away
 TILE_CELLS = 32  # a tile of the height grid has this many cells a side
+RINGED = TILE_CELLS + 3  # points a side, with one ring of skirt points around the tile's own
 EDGE_TOLERANCE = 1e-6  # in barycentric units: neighbours overlap by a hair instead of leaving one
 GROUND_TAG = 0
 EMPTY_TAG = -1
@@ -152,9 +154,24 @@ def draw_tiles(
     ``heights`` (ny, nx) m; ``grid`` = world x, y of the first sample and the spacing, m; ``tiles`` (T, 3) first
     row, first column and stride in samples; ``drops`` (T,) m, depth of the skirt; ``matrix`` (4, 4).
     """
+    _draw_tiles(heights, grid, tiles, drops, matrix, keys, tags, np.empty((RINGED * RINGED, 4)))
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _draw_tiles(
+    heights: FloatArray,
+    grid: tuple[float, float, float],
+    tiles: IntArray,
+    drops: FloatArray,
+    matrix: FloatArray,
+    keys: KeyArray,
+    tags: IntArray,
+    points: FloatArray,
+) -> None:
     ny, nx = heights.shape
-    side = TILE_CELLS + 3  # one ring of skirt points around the tile's own
-    points = np.empty((side * side, 4))
+    side = RINGED
+    heights, matrix, points = borrowed(heights), borrowed(matrix), borrowed(points)
+    keys, tags = borrowed(keys), borrowed(tags)
     for tile in range(tiles.shape[0]):
         row0, column0, stride = tiles[tile, 0], tiles[tile, 1], tiles[tile, 2]
         last_row, last_column = min(row0 + TILE_CELLS, ny - 1), min(column0 + TILE_CELLS, nx - 1)
@@ -193,7 +210,23 @@ def draw_blocks(
     longest = 0
     for block in range(ranges.shape[0]):
         longest = max(longest, ranges[block, 1] - ranges[block, 0])
-    points = np.empty((longest, 4))
+    _draw_blocks(vertices, faces, ranges, ground_from, facing, matrix, keys, tags, np.empty((longest, 4)))
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _draw_blocks(
+    vertices: FloatArray,
+    faces: IntArray,
+    ranges: IntArray,
+    ground_from: int,
+    facing: float,
+    matrix: FloatArray,
+    keys: KeyArray,
+    tags: IntArray,
+    points: FloatArray,
+) -> None:
+    vertices, matrix, points = borrowed(vertices), borrowed(matrix), borrowed(points)
+    keys, tags = borrowed(keys), borrowed(tags)
     for block in range(ranges.shape[0]):
         first = ranges[block, 0]
         for i in range(first, ranges[block, 1]):

@@ -10,7 +10,7 @@ import numpy as np
 from rover_sim.sim import raster_kernels as raster
 from rover_sim.sim import shade_kernels as shading
 from rover_sim.sim.appearance import draw_looks, make_light
-from rover_sim.sim.clasts import clast_ids
+from rover_sim.sim.clasts import clast_ids, strength_of
 from rover_sim.sim.ground_textures import ground_look
 from rover_sim.sim.raster_scene import View, ground_plane, make_apron, make_tiles
 from rover_sim.sim.renderer import RenderedImage, check_camera, pose_rotation
@@ -32,7 +32,7 @@ class Rasteriser:
         rng = np.random.default_rng([world.seed, 0xCA3E7A])
         look = ground_look(world.scenario.terrain.texture, world.scenario.rocks.cfa, rng)
         self._fine, self._pebbles, self._drift = look.pyramid, look.pebbles, drift_texture(rng)
-        self._solid = rock_texture(rng)
+        self._strength, self._solid = strength_of(self._drift), rock_texture(rng)
         self._light = make_light(world.scenario.sun)
         self._store = StoneStore(world.shapes)
         cylinders = frozenset(cylinder.id for cylinder in world.cylinders)
@@ -97,7 +97,7 @@ class Rasteriser:
 
     def clasts(self, camera: CameraModel, camera_pose: Pose, picture: RenderedImage) -> IntArray:
         """The ids of a picture from there with the pebbles of the ground texture, each numbered after all rocks."""
-        return clast_ids(picture, camera, camera_pose, self._pebbles, self._drift, self._first_pebble)
+        return clast_ids(picture, camera, camera_pose, self._pebbles, self._strength, self._first_pebble)
 
     def _draw(self, view: View, keys: raster.KeyArray, tags: IntArray) -> None:
         """Fill the key and tag buffers."""

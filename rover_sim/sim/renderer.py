@@ -58,8 +58,12 @@ def add_noise(image: ByteArray, sd_levels: float, rng: np.random.Generator) -> B
     """A picture with independent normal noise of ``sd_levels`` grey levels in every channel, clipped to 0..255."""
     if sd_levels == 0.0:
         return image
-    draws = np.frombuffer(rng.bytes(2 * image.size), dtype=np.uint16).reshape(image.shape)
-    return np.asarray(np.clip(image + _noise_levels(sd_levels).take(draws), 0, 255), dtype=np.uint8)
+    from rover_sim.sim.picture_noise import add_levels
+
+    noisy = np.empty_like(image)
+    draws = np.frombuffer(rng.bytes(2 * image.size), dtype=np.uint16)
+    add_levels(image.ravel(), draws, _noise_levels(sd_levels), noisy.ravel())
+    return noisy
 
 
 @cache

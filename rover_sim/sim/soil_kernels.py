@@ -19,8 +19,9 @@ from math import atan2, exp, sqrt
 
 from numba import njit
 
+from rover_sim.sim.borrowed import borrowed
 from rover_sim.sim.motion_kernels import locate
-from rover_sim.sim.rut_kernels import Ruts, coming, press_rut, rut_depth, side_depth
+from rover_sim.sim.rut_kernels import Ruts, coming, lent, press_rut, rut_depth, side_depth
 from worlds.types import ByteArray, FloatArray
 
 Triple = tuple[float, float, float]
@@ -470,6 +471,15 @@ def ground_forces(
     ``raw`` (13 + n + 2 m,): position, quaternion, velocity and rate of the chassis' centre of mass, then joint rates
     of the n wheels, angles and rates of the m arms. Writes all other arrays that carry motion, state or force.
     """
+    ground, soils, tables, wheel_constants = (
+        borrowed(ground),
+        borrowed(soils),
+        borrowed(tables),
+        borrowed(wheel_constants),
+    )
+    ruts = lent(ruts)
+    hubs, arms, raw, body, motion = borrowed(hubs), borrowed(arms), borrowed(raw), borrowed(body), borrowed(motion)
+    state, result = borrowed(state), borrowed(result)
     locate(raw, hubs, arms, body, motion)
     wheel_forces(ground, grid, soils, ruts, tables, wheel_constants, motion, state, result, dt)
     return belly_wrench(ground, grid, ruts, belly_points, body, belly_constants, wrench)

@@ -12,10 +12,11 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from rover_sim.sim.borrowed import borrowed
 from rover_sim.sim.obstacle_index import ObstacleIndex
 from rover_sim.sim.rover import RoverModel
 from rover_sim.sim.rover_ground import belly_points
-from rover_sim.sim.rut_kernels import Ruts, rut_depth
+from rover_sim.sim.rut_kernels import Ruts, lent, rut_depth
 from rover_sim.sim.soil_kernels import ground_height
 from worlds.types import FloatArray, IntArray
 
@@ -85,6 +86,8 @@ def _clearance(
     rotation: FloatArray,
     reach: float,
 ) -> float:
+    ground, grid, ruts = surface
+    surface = (borrowed(ground), grid, lent(ruts))
     vertices, starts, low, high = obstacles
     px, py, pz = position[0], position[1], position[2]
     r = rotation
@@ -118,6 +121,8 @@ def _pits(
     radius: float,
     depths: FloatArray,
 ) -> None:
+    ground, grid, ruts = surface
+    surface = (borrowed(ground), grid, lent(ruts))
     low, high = mesh[3], mesh[4]
     spacing = 2.0 * radius / _PIT_SAMPLES
     side = int(_WIDEST_PIT * _PIT_SAMPLES)

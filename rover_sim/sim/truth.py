@@ -24,6 +24,7 @@ _DOWN = np.array([0.0, 0.0, -1.0])
 class Balance:
     """What tip-over is judged by, of one rover; worked out once, as even looking it up by the rover takes a while."""
 
+    mass_kg: float  # of the whole rover
     outline: list[int]  # wheels whose contacts span the polygon of support, clockwise from above
     inertia_kg_m2: FloatArray  # (3, 3) about the centre of mass, body axes
     level_measure: float  # the force-angle measure at rest on level ground
@@ -106,7 +107,7 @@ def _off_map(field: HeightField, places_w: FloatArray) -> bool:
 
 def _stability(now: Snapshot, rotation: FloatArray, feet: FloatArray) -> float:
     """Force-angle measure divided by its value at rest on level ground."""
-    rover, steps = now.rover, max(len(now.motion) - 1, 1)
+    mass_kg, steps = now.balance.mass_kg, max(len(now.motion) - 1, 1)
     (old_velocity, old_rate, _), (velocity, rate, _) = now.motion[0], now.motion[-1]
     span = steps * now.dt
     pushes = [0.0, 0.0, 0.0]
@@ -116,7 +117,7 @@ def _stability(now: Snapshot, rotation: FloatArray, feet: FloatArray) -> float:
     fall = (0.0, 0.0, -now.gravity_m_s2)
     force = np.array(
         [
-            rover.mass_kg * (g - (new - old) / span) + push
+            mass_kg * (g - (new - old) / span) + push
             for g, new, old, push in zip(fall, velocity, old_velocity, pushes, strict=True)
         ]
     )
@@ -138,7 +139,7 @@ def balance_of(rover: RoverModel, gravity_m_s2: float) -> Balance:
     feet = np.array(rover.wheel.positions_m)[around] - [0.0, 0.0, rover.wheel.radius_m]
     weight = np.array([0.0, 0.0, -rover.mass_kg * gravity_m_s2])
     level = float(force_angle(feet, np.array(rover.centre_of_mass_b), weight, np.zeros(3)))
-    return Balance(around, _inertia(rover), level)
+    return Balance(rover.mass_kg, around, _inertia(rover), level)
 
 
 def _inertia(rover: RoverModel) -> FloatArray:
