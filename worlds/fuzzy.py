@@ -27,9 +27,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cache, reduce
+from functools import cache, cached_property, reduce
 from pathlib import Path
-from typing import Any, Literal, TypeGuard
+from typing import Any, Literal, NamedTuple, TypeGuard
 
 import numpy as np
 
@@ -68,6 +68,21 @@ class Rule:
     weight: float = 1.0
 
 
+class Tables(NamedTuple):
+    """A rule base as arrays; K terms of all inputs, in their order."""
+
+    terms: IntArray  # (inputs,) how many terms each input has
+    flanks: FloatArray  # (2, 3, K, 1) where a flank begins, its slope and what it begins with
+    low: FloatArray  # (inputs, 1) ends of the inputs' ranges
+    high: FloatArray
+    plain: BoolArray  # (rules,) which ask for a single term
+    places: IntArray  # (plain rules,) of that term among all
+    joint: list[tuple[int, list[list[int]]]]  # number of each other rule, and the places that its conditions list
+    weights: FloatArray  # (rules,)
+    owner: FloatArray  # (rules, output terms) one where the rule speaks for the term
+    evidence: FloatArray  # (K, output terms) that each term brings, of plain rules
+
+
 @dataclass(frozen=True)
 class RuleBase:
     """Inputs, one output, rules and the norm that combines them."""
@@ -79,8 +94,12 @@ class RuleBase:
     aggregation: Aggregation = "maximum"
 
     def __hash__(self) -> int:
-        # Tables made from a base are kept by it: going through hundreds of rules at each look-up took 0.9 ms a picture.
         return hash((self.output, len(self.inputs), len(self.rules), self.norm, self.aggregation))
+
+    @cached_property
+    def tables(self) -> Tables:
+        """What evaluation needs of the rules: kept here, as a look-up by the base would compare hundreds of rules."""
+        return _tables_of(self)
 
     @property
     def input_names(self) -> tuple[str, ...]:
@@ -102,14 +121,14 @@ def rule_strengths(base: RuleBase, inputs: Mapping[str, FloatArray]) -> FloatArr
     Raises KeyError when an input of the rule base is missing.
     """
     degrees = _all_degrees(base, inputs)
-    plain, places = _plain_rules(base)
+    tables = base.tables
     combine = np.minimum if base.norm == "minimum" else np.multiply
     weigh = np.multiply if base.aggregation == "sum" else combine
     strengths = np.empty((degrees.shape[0], len(base.rules)))
-    strengths[:, plain] = degrees[:, places]
-    for index, groups in _joint_rules(base):
+    strengths[:, tables.plain] = degrees[:, tables.places]
+    for index, groups in tables.joint:
         strengths[:, index] = reduce(combine, [_strongest(degrees, group) for group in groups])
-    return np.asarray(weigh(strengths, _weights(base)))
+    return np.asarray(weigh(strengths, tables.weights))
 
 
 def _strongest(degrees: FloatArray, places: list[int]) -> FloatArray:
@@ -118,7 +137,7 @@ def _strongest(degrees: FloatArray, places: list[int]) -> FloatArray:
 
 def _all_degrees(base: RuleBase, inputs: Mapping[str, FloatArray]) -> FloatArray:
     """Membership (N, K) in every term of every input, inputs and terms in their order."""
-    terms, flanks, low, high = _term_table(base)
+    terms, flanks, low, high = base.tables[:4]
     values = np.stack([np.atleast_1d(np.asarray(inputs[v.name], dtype=float)) for v in base.inputs])
     rising = np.repeat(np.clip(values, low, high), terms, axis=0)
     falling = flanks[1, 0] - rising
@@ -130,12 +149,21 @@ def _all_degrees(base: RuleBase, inputs: Mapping[str, FloatArray]) -> FloatArray
     return np.clip(np.minimum(rising, falling, out=rising), 0.0, 1.0, out=rising).T
 
 
-@cache
-def _term_table(base: RuleBase) -> tuple[IntArray, FloatArray, FloatArray, FloatArray]:
-    """How many terms each input has; flanks (2, 3, K, 1) of all; lower and upper end (inputs, 1) of the inputs.
+def _tables_of(base: RuleBase) -> Tables:
+    groups = [_term_places(base, rule) for rule in base.rules]
+    plain = np.array([len(group) == 1 and len(group[0]) == 1 for group in groups], dtype=bool)
+    places = np.array([g[0][0] for g, single in zip(groups, plain, strict=True) if single], dtype=np.int32)
+    joint = [(int(index), groups[index]) for index in np.flatnonzero(~plain)]
+    weights = np.array([rule.weight for rule in base.rules])
+    terms = base.output.term_names
+    owner = np.array([[float(rule.consequent == term) for term in terms] for rule in base.rules])
+    evidence = np.zeros((sum(len(variable.terms) for variable in base.inputs), len(terms)))
+    np.add.at(evidence, places, weights[plain, None] * owner[plain])
+    return Tables(*_term_table(base), plain, places, joint, weights, owner, evidence)
 
-    A flank is where it begins, its slope, and what it begins with: upright ones with full membership.
-    """
+
+def _term_table(base: RuleBase) -> tuple[IntArray, FloatArray, FloatArray, FloatArray]:
+    """How many terms each input has, flanks, and ends of the inputs; upright flanks begin with full membership."""
     terms = np.array([len(v.terms) for v in base.inputs], dtype=np.int32)
     a, b, c, d = np.array([corners for v in base.inputs for _, corners in v.terms]).T
     widths = np.stack([b - a, d - c])
@@ -143,26 +171,6 @@ def _term_table(base: RuleBase) -> tuple[IntArray, FloatArray, FloatArray, Float
     slopes = np.where(upright, _UPRIGHT, 1.0 / np.where(upright, 1.0, widths))
     flanks = np.stack([np.stack([a, d]), slopes, upright.astype(np.float64)], axis=1)[..., None]
     return terms, flanks, np.array([[v.low] for v in base.inputs]), np.array([[v.high] for v in base.inputs])
-
-
-@cache
-def _plain_rules(base: RuleBase) -> tuple[BoolArray, IntArray]:
-    """Which rules ask for a single term, and the place of that term among all."""
-    groups = [_term_places(base, rule) for rule in base.rules]
-    plain = np.array([len(group) == 1 and len(group[0]) == 1 for group in groups], dtype=bool)
-    return plain, np.array([g[0][0] for g, single in zip(groups, plain, strict=True) if single], dtype=np.int32)
-
-
-@cache
-def _joint_rules(base: RuleBase) -> list[tuple[int, list[list[int]]]]:
-    """Number of each rule that asks for more than a single term, and the places that its conditions list."""
-    return [(int(index), _term_places(base, base.rules[index])) for index in np.flatnonzero(~_plain_rules(base)[0])]
-
-
-@cache
-def _weights(base: RuleBase) -> FloatArray:
-    """Weights (rules,) of the rules."""
-    return np.array([rule.weight for rule in base.rules])
 
 
 def _term_places(base: RuleBase, rule: Rule) -> list[list[int]]:
@@ -173,29 +181,14 @@ def _term_places(base: RuleBase, rule: Rule) -> list[list[int]]:
 
 def term_strengths(base: RuleBase, inputs: Mapping[str, FloatArray]) -> FloatArray:
     """Strongest rule, or sum of the rules, of each output term: (N, terms) in the order of the output's terms."""
-    plain, _ = _plain_rules(base)
-    owner = _rule_owner(base)
-    if base.aggregation == "sum" and plain.all():
-        return np.asarray(_all_degrees(base, inputs) @ _evidence_of_terms(base))
+    owner = base.tables.owner
+    if base.aggregation == "sum" and not base.tables.joint:
+        return np.asarray(_all_degrees(base, inputs) @ base.tables.evidence)
     strengths = rule_strengths(base, inputs)
     if base.aggregation == "sum":
         return np.asarray(strengths @ owner)
     by_term = [strengths[:, owner[:, index] > 0].max(axis=1, initial=0.0) for index in range(owner.shape[1])]
     return np.stack(by_term, axis=-1)
-
-
-@cache
-def _evidence_of_terms(base: RuleBase) -> FloatArray:
-    """Evidence (K, output terms) that each input term brings where every rule asks for a single one."""
-    evidence = np.zeros((sum(len(variable.terms) for variable in base.inputs), len(base.output.terms)))
-    np.add.at(evidence, _plain_rules(base)[1], _weights(base)[:, None] * _rule_owner(base))
-    return evidence
-
-
-@cache
-def _rule_owner(base: RuleBase) -> FloatArray:
-    """One where the rule (row) speaks for the output term (column)."""
-    return np.array([[float(rule.consequent == term) for term in base.output.term_names] for rule in base.rules])
 
 
 def evaluate(base: RuleBase, inputs: Mapping[str, FloatArray]) -> FloatArray:
