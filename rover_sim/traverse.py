@@ -155,7 +155,7 @@ class Traverse:
 
     def run(
         self,
-        show: Callable[[Status], None] = lambda _: None,
+        show: Callable[[Status], None] | None = None,
         stopped: Callable[[], bool] = lambda: False,
         on_sight: Callable[[Sight], None] = lambda _: None,
     ) -> dict[str, Any]:
@@ -164,7 +164,8 @@ class Traverse:
         while ended is None:
             looked, ended = self.step(on_sight)
             if looked:
-                show(self.status())
+                if show is not None:  # a status takes another look at the truth
+                    show(self.status())
                 ended = (Reason.ABORTED, "interrupted") if stopped() else ended
             if self._options.realtime and self._steps % CONTROL_STEPS == 0:
                 clock.wait_until(self.simulation.time_s)
