@@ -123,7 +123,8 @@ def plan_route(map_: CostMap, start_w: Place, goal_w: Place, model: RouteModel |
     seeds[goal] = 0.0
     part, costs, cell = map_.layers, map_.costs, map_.grid.resolution_m
     tables = _tables(costs, costs.limits)
-    to_go, onward = kernels.cost_to_goal(part.rise_x, part.rise_y, part.level, map_.care, seeds, cell, *tables)
+    prices = kernels.step_prices(part.rise_x, part.rise_y, part.level, map_.care, *tables)
+    to_go, onward = kernels.cost_to_goal(prices, seeds, cell)
     if not np.isfinite(to_go[start]):
         return _no_way(map_, start, seeds)
     cells = _followed(onward, start)
@@ -186,7 +187,7 @@ def _layers(map_: CostMap, costs: SlopeCosts) -> tuple[Any, ...]:
 
 def _tables(costs: SlopeCosts, limits: FloatArray) -> tuple[Any, ...]:
     """The last arguments of the kernels: what a metre costs, and how steep it may be."""
-    return costs.along, costs.across, limits, BIN
+    return costs.along, costs.across, costs.risk, limits, costs.holds_up, BIN
 
 
 def _followed(onward: IntArray, start: tuple[int, int]) -> IntArray:
@@ -214,10 +215,11 @@ def _no_way(map_: CostMap, start: tuple[int, int], seeds: FloatArray) -> Route:
     """A refusal that tells the limits, and what the least bad way would meet."""
     part, costs = map_.layers, map_.costs
     care = np.where(np.isfinite(map_.care), map_.care, OVER)
-    tables = _tables(costs, np.full(3, np.inf))
+    tables = _tables(costs, np.full_like(costs.limits, np.inf))
     cell = map_.grid.resolution_m
-    # Tables are finite: too steep a metre costs `SlopeLimits.over_limit`.
-    _, onward = kernels.cost_to_goal(part.rise_x, part.rise_y, part.level, care, seeds, cell, *tables)
+    # Without limits a metre that is too steep costs `route_cost.HELD_UP`.
+    prices = kernels.step_prices(part.rise_x, part.rise_y, part.level, care, *tables)
+    _, onward = kernels.cost_to_goal(prices, seeds, cell)
     cells = tuple(_followed(onward, start).T)
     limits = f"{costs.up_deg:.0f} deg up, {costs.down_deg:.0f} down and {costs.across_deg:.0f} across"
     closed = ~np.isfinite(map_.care[cells])

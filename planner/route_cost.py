@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.special import ndtr
 
 from worlds.errors import InputError
 from worlds.strict_toml import read_table
@@ -20,9 +21,9 @@ from worlds.types import FloatArray, Footprint, IntArray
 
 KNOWLEDGE = Path(__file__).parent / "knowledge" / "slopes.toml"
 UNKNOWN = "unknown"
-BIN = 0.01  # of rise over run, between two entries of a table
-BINS = 100  # up to 45 degrees
-ERRORS = (0.0, 0.02, 0.04, 0.08, 0.16)  # of a rise over run, one sigma: a table each
+BIN = 0.01  # between two entries of a table: of rise over run, and of the share of what the rover can
+BINS = 100  # up to 45 degrees, and twice as many for shares
+ERRORS = (0.0, *(0.01 * 2.0 ** (0.25 * n) for n in range(20)))  # of a rise over run, one sigma: a table each
 UNKNOWN_TIP_DEG = 40.0  # of a rover with arms, whose wheels lift before it goes over
 
 
@@ -48,7 +49,11 @@ class SlopeLimits:
     slip_angle_deg: float = 15.0  # across
     tilt_deg: float = 25.0  # in any direction
     tip_reserve_deg: float = 20.0  # between tilt and tipping over
-    over_limit: float = 100.0  # cost of a metre that may turn out too steep, where the map is not sure
+
+
+HOLDS_UP = SlopeLimits(slip=0.5, skid=0.5, slip_angle_deg=20.0, tilt_deg=30.0, tip_reserve_deg=15.0)
+HELD_UP = 1000.0  # cost of a metre on which a slope holds the rover up
+SEEMING = 0.7  # sigma of the map by which a slope may seem to be over its limit before a way is refused for it
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,35 +62,47 @@ class SlopeCosts:
 
     along: FloatArray  # (levels, 2 BINS + 1), from steep down to steep up
     across: FloatArray  # (levels, BINS + 1)
+    risk: FloatArray  # (levels, 2 BINS + 1), over the share of what holds the rover up: what a metre costs more
+    limits: FloatArray  # (levels, 3) steepest rise over run up, down and across that a map may show
+    holds_up: FloatArray  # (3,) rise over run up, down and across that holds the rover up
     up_deg: float
     down_deg: float
     across_deg: float
     softness: float
 
-    @property
-    def limits(self) -> FloatArray:
-        """Steepest rise over run (3,) up, down and across."""
-        return np.asarray(np.tan(np.radians([self.up_deg, self.down_deg, self.across_deg])))
-
 
 def slope_costs(soil: str, footprint: Footprint, limits: SlopeLimits | None = None) -> SlopeCosts:
     """Tables for a soil of ``knowledge/slopes.toml``, or the worst of all of them for any other name.
 
-    With errors a metre costs what it does on average, where what is too steep costs ``over_limit``.
+    With errors a metre costs what it does on average, with `HELD_UP` for what lies beyond `HOLDS_UP`.
     """
     limits = limits or SlopeLimits()
     figures = soils().get(soil) or soils()[UNKNOWN]
     lateral, longitudinal = tip_angles_deg(footprint)
-    steepest = [min(limits.tilt_deg, tip - limits.tip_reserve_deg) for tip in (longitudinal, lateral)]
-    up = min(_reached(figures.slope_deg, figures.slip_up, limits.slip), steepest[0])
-    down = min(_reached(figures.slope_deg, -figures.slip_down, limits.skid), steepest[0])
-    lean = min(_reached(figures.slope_deg, figures.slip_angle_deg, limits.slip_angle_deg), steepest[1])
+    wanted, most = (_steepest_deg(figures, each, (lateral, longitudinal)) for each in (limits, HOLDS_UP))
     rise = np.degrees(np.arctan(BIN * np.arange(-BINS, BINS + 1)))
-    over = limits.over_limit
-    along = np.where((rise <= up) & (rise >= -down), _along(figures, rise) * _tipping(rise, longitudinal), over)
-    across = np.where(rise <= lean, _across(figures, rise) * _tipping(rise, lateral), over)[BINS:]
-    rows = expected(along, mirrored=False), expected(across, mirrored=True)
-    return SlopeCosts(*rows, up, down, lean, figures.softness)
+    along = expected(_along(figures, rise) * _tipping(rise, longitudinal), mirrored=False)
+    across = expected((_across(figures, rise) * _tipping(rise, lateral))[BINS:], mirrored=True)
+    nominal, holds_up = np.tan(np.radians(wanted)), np.tan(np.radians(most))
+    seen = nominal + np.minimum(SEEMING * np.array(ERRORS)[:, None], np.maximum(holds_up - nominal, 0.0))
+    return SlopeCosts(along, across, _risk(float(holds_up.min())), seen, holds_up, *wanted, figures.softness)
+
+
+def _steepest_deg(
+    figures: SoilSlopes, limits: SlopeLimits, tips_deg: tuple[float, float]
+) -> tuple[float, float, float]:
+    """Steepest slopes up, down and across."""
+    lean, along = (min(limits.tilt_deg, tip - limits.tip_reserve_deg) for tip in tips_deg)
+    up = min(_reached(figures.slope_deg, figures.slip_up, limits.slip), along)
+    down = min(_reached(figures.slope_deg, -figures.slip_down, limits.skid), along)
+    return up, down, min(_reached(figures.slope_deg, figures.slip_angle_deg, limits.slip_angle_deg), lean)
+
+
+def _risk(least_rise: float) -> FloatArray:
+    """What being held up costs on average (levels, 2 BINS + 1) at shares of what holds the rover up."""
+    short = least_rise * (1.0 - BIN * np.arange(2 * BINS + 1))  # in rise over run
+    rows = [ndtr(-short / max(error, 1e-9)) for error in ERRORS]
+    return HELD_UP * np.array(rows)
 
 
 def tip_angles_deg(footprint: Footprint) -> tuple[float, float]:

@@ -7,7 +7,7 @@ ground asks for (inf where it may not be driven on). What a metre costs along an
 from __future__ import annotations
 
 import heapq
-from math import floor, hypot
+from math import floor, hypot, sqrt
 
 import numba as nb
 import numpy as np
@@ -25,7 +25,15 @@ STEPS = np.array(
 )
 
 
-@nb.njit(cache=True)
+@nb.njit(cache=True, error_model="numpy")
+def _share(climb: float, lean: float, limits: FloatArray) -> float:
+    """How much of what is allowed up, down and across (3,) a slope takes."""
+    if climb > 0.0:
+        return sqrt((climb / limits[0]) ** 2 + (lean / limits[2]) ** 2)
+    return max(-climb / limits[1], lean / limits[2])
+
+
+@nb.njit(cache=True, error_model="numpy")
 def metre_cost(
     rise_x: float,
     rise_y: float,
@@ -34,57 +42,83 @@ def metre_cost(
     way_y: float,
     along: FloatArray,
     across: FloatArray,
+    risk: FloatArray,
     limits: FloatArray,
+    holds_up: FloatArray,
     bin_: float,
 ) -> float:
     """Cost of a metre in the unit direction (way_x, way_y) on a slope; inf where it is too steep for that.
 
     ``along`` (levels, 2 n + 1) and ``across`` (levels, n + 1): factors at rises of -n..n and of 0..n bins of ``bin_``;
-    ``limits`` (3,): steepest rise up, down and across.
+    ``limits`` (levels, 3): steepest rise up, down and across; ``risk`` (levels, m): what a metre costs more at the
+    shares 0..m bins of ``holds_up`` (3,), the rise that holds the rover up. A rover that climbs aslant is carried off
+    by all of the slope: rises up and across are then shares of one limit, added as squares.
     """
     climb, lean = rise_x * way_x + rise_y * way_y, abs(rise_x * way_y - rise_y * way_x)
-    if climb > limits[0] or -climb > limits[1] or lean > limits[2]:
+    if not _share(climb, lean, limits[level]) <= 1.0:
         return np.inf
+    most = risk.shape[1] - 1
+    held = risk[level, min(int(_share(climb, lean, holds_up) / bin_ + 0.5), most)]
     middle = (along.shape[1] - 1) // 2
     climb, lean = climb / bin_ + middle, lean / bin_
     first = min(max(int(climb), 0), along.shape[1] - 2)
     second = min(int(lean), across.shape[1] - 2)
     f, s = climb - first, lean - second
     one = (1.0 - f) * along[level, first] + f * along[level, first + 1]
-    return float(one * ((1.0 - s) * across[level, second] + s * across[level, second + 1]))
+    return float(one * ((1.0 - s) * across[level, second] + s * across[level, second + 1]) + held)
 
 
-@nb.njit(cache=True)
-def _touched(care: FloatArray, x: int, y: int, dx: int, dy: int) -> float:
-    """Mean care of the cells that a step from (x, y) touches: both ends, and aslant the two beside its middle."""
-    ends = 0.5 * (care[y, x] + care[y + dy, x + dx])
-    if dx == 0 or dy == 0:
-        return float(ends)
-    half_x = dx // abs(dx) if abs(dx) >= abs(dy) else 0
-    half_y = dy // abs(dy) if abs(dy) > abs(dx) else 0
-    return float(0.5 * ends + 0.25 * (care[y + half_y, x + half_x] + care[y + dy - half_y, x + dx - half_x]))
-
-
-@nb.njit(cache=True)
-def cost_to_goal(
+@nb.njit(cache=True, error_model="numpy")
+def step_prices(
     rise_x: FloatArray,
     rise_y: FloatArray,
     level: IntArray,
     care: FloatArray,
-    seeds: FloatArray,
-    cell: float,
     along: FloatArray,
     across: FloatArray,
+    risk: FloatArray,
     limits: FloatArray,
+    holds_up: FloatArray,
     bin_: float,
-) -> tuple[FloatArray, IntArray]:
+) -> FloatArray:
+    """Price (ny, nx, 16) of a metre in each direction of `STEPS` on each cell; inf where that may not be driven."""
+    ny, nx = care.shape
+    lengths = np.sqrt((STEPS**2).sum(axis=1))
+    prices = np.full((ny, nx, STEPS.shape[0]), np.inf)
+    for iy in range(ny):
+        for ix in range(nx):
+            worth = care[iy, ix]
+            if not worth < np.inf:
+                continue
+            slope = rise_x[iy, ix], rise_y[iy, ix], level[iy, ix]
+            for number in range(STEPS.shape[0]):
+                x, y = STEPS[number, 0] / lengths[number], STEPS[number, 1] / lengths[number]
+                price = metre_cost(slope[0], slope[1], slope[2], x, y, along, across, risk, limits, holds_up, bin_)
+                prices[iy, ix, number] = worth * price
+    return prices
+
+
+@nb.njit(cache=True)
+def _step_price(prices: FloatArray, x: int, y: int, number: int) -> float:
+    """Mean price of the cells that a step from (x, y) touches: both ends, and aslant the two beside its middle."""
+    dx, dy = STEPS[number, 0], STEPS[number, 1]
+    ends = 0.5 * (prices[y, x, number] + prices[y + dy, x + dx, number])
+    if dx == 0 or dy == 0 or not ends < np.inf:
+        return float(ends)
+    half_x = dx // abs(dx) if abs(dx) >= abs(dy) else 0
+    half_y = dy // abs(dy) if abs(dy) > abs(dx) else 0
+    beside = prices[y + half_y, x + half_x, number] + prices[y + dy - half_y, x + dx - half_x, number]
+    return float(0.5 * ends + 0.25 * beside)
+
+
+@nb.njit(cache=True)
+def cost_to_goal(prices: FloatArray, seeds: FloatArray, cell: float) -> tuple[FloatArray, IntArray]:
     """Cost (ny, nx) of the cheapest way from each cell to a seed, and the flat index of its next cell (-1: none).
 
-    Dijkstra's search from the seeds backwards over the edges of `STEPS`. A metre costs `metre_cost` on the mean of
-    the slopes at both ends, times the mean care of the cells that it touches. ``seeds`` (ny, nx): cost there, inf
-    elsewhere.
+    Dijkstra's search from the seeds backwards over the edges of `STEPS`, each at the mean of `step_prices` on the
+    cells that it touches, so that none of them is too steep for it. ``seeds`` (ny, nx): cost there, inf elsewhere.
     """
-    ny, nx = care.shape
+    ny, nx = seeds.shape
     best = np.full((ny, nx), np.inf)
     onward = np.full(ny * nx, -1, dtype=np.int32)
     closed = np.zeros(ny * nx, dtype=np.bool_)
@@ -106,22 +140,7 @@ def cost_to_goal(
             jx, jy = ix - dx, iy - dy
             if jx < 0 or jy < 0 or jx >= nx or jy >= ny or closed[jy * nx + jx]:
                 continue
-            touched = _touched(care, jx, jy, dx, dy)
-            if not touched < np.inf:
-                continue
-            length = hypot(dx, dy)
-            price = metre_cost(
-                0.5 * (rise_x[iy, ix] + rise_x[jy, jx]),
-                0.5 * (rise_y[iy, ix] + rise_y[jy, jx]),
-                max(level[iy, ix], level[jy, jx]),
-                dx / length,
-                dy / length,
-                along,
-                across,
-                limits,
-                bin_,
-            )
-            total = value + cell * length * price * touched
+            total = value + cell * hypot(dx, dy) * _step_price(prices, jx, jy, number)
             if total < best[jy, jx]:
                 best[jy, jx] = total
                 onward[jy * nx + jx] = flat
@@ -142,7 +161,9 @@ def line_cost(
     cell: float,
     along: FloatArray,
     across: FloatArray,
+    risk: FloatArray,
     limits: FloatArray,
+    holds_up: FloatArray,
     bin_: float,
 ) -> float:
     """Cost of a straight way from a to b, in cells (x, y): of points half a cell apart, each by its cell."""
@@ -159,7 +180,9 @@ def line_cost(
         if not care[iy, ix] < np.inf:
             return np.inf
         way = ((bx - ax) / length, (by - ay) / length)
-        price = metre_cost(rise_x[iy, ix], rise_y[iy, ix], level[iy, ix], way[0], way[1], along, across, limits, bin_)
+        price = metre_cost(
+            rise_x[iy, ix], rise_y[iy, ix], level[iy, ix], way[0], way[1], along, across, risk, limits, holds_up, bin_
+        )
         total += care[iy, ix] * price
     return total * cell * length / count
 
@@ -177,7 +200,9 @@ def pulled(
     cell: float,
     along: FloatArray,
     across: FloatArray,
+    risk: FloatArray,
     limits: FloatArray,
+    holds_up: FloatArray,
     bin_: float,
 ) -> IntArray:
     """Indices of the points of a way (N, 2), in cells, to keep; ``to_go`` (N,) is what is left to pay from each.
@@ -191,7 +216,9 @@ def pulled(
         following = at + 1
         for to in range(at + 2, min(at + most, count - 1) + 1):
             a, b = way[at], way[to]
-            cost = line_cost(a[0], a[1], b[0], b[1], rise_x, rise_y, level, care, cell, along, across, limits, bin_)
+            cost = line_cost(
+                a[0], a[1], b[0], b[1], rise_x, rise_y, level, care, cell, along, across, risk, limits, holds_up, bin_
+            )
             if cost <= slack * (to_go[at] - to_go[to]):
                 following = to
         at = following

@@ -11,7 +11,7 @@ from planner.risk import Forecast, Vehicle, clipped, forecasts, joined, summaris
 from planner.risk_prior import MapError, SoilPrior, SoilSpread
 from planner.risk_slopes import SlopeHazard, priced, slope_hazard
 from planner.route import Refusal, way_cost
-from planner.route_cost import BIN, BINS, SlopeCosts, slope_costs
+from planner.route_cost import BIN, BINS, ERRORS, SlopeCosts, slope_costs
 from planner.route_following import MOST_REPLANS, Following, begin, blocked, driven_map, improved, least_risky
 from planner.route_ground import ElevationMap
 from planner.route_marks import LegModel
@@ -170,7 +170,9 @@ def test_steeper_slopes_are_likelier_too_much_and_the_price_shows_in_the_cost() 
 
 
 def test_a_price_makes_ways_over_slopes_dearer_and_level_ones_not() -> None:
-    hazard = SlopeHazard(np.where(np.arange(2 * BINS + 1) == BINS, 0.0, 0.5) * np.ones((5, 1)), np.zeros((5, BINS + 1)))
+    levels = len(ERRORS)
+    along = np.tile(np.where(np.arange(2 * BINS + 1) == BINS, 0.0, 0.5), (levels, 1))
+    hazard = SlopeHazard(along, np.zeros((levels, BINS + 1)))
     ground = ridge(1.0)
     plain, dear = (
         driven_map(begin(ElevationMap.of(ground, 0.0), costs, START, GOAL, 1.0))

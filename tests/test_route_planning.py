@@ -14,7 +14,17 @@ from scipy.sparse.csgraph import dijkstra
 from planner import route_kernels as kernels
 from planner.denoise import denoised
 from planner.route import CostMap, Place, Refusal, RouteModel, cost_map, plan_route, way_cost
-from planner.route_cost import BIN, KNOWLEDGE, UNKNOWN, SlopeLimits, load_soils, slope_costs, soils, tip_angles_deg
+from planner.route_cost import (
+    BIN,
+    HELD_UP,
+    KNOWLEDGE,
+    UNKNOWN,
+    SlopeLimits,
+    load_soils,
+    slope_costs,
+    soils,
+    tip_angles_deg,
+)
 from planner.route_ground import KNOWLEDGE as RULES
 from planner.route_ground import ElevationMap, best_index, ground_layers, load_rules, traversability
 from tests.planner_factory import FOOTPRINT
@@ -24,6 +34,7 @@ from worlds.types import FloatArray, HeightField, RigidBody
 
 HUSKY = replace(FOOTPRINT, body=RigidBody(0.512, 0.571, 0.165, 0.114, (0.0, 0.0, 0.0235), ()))
 COSTS = slope_costs("mars_sand", HUSKY)
+TABLES: tuple[Any, ...] = (COSTS.along, COSTS.across, COSTS.risk, COSTS.limits, COSTS.holds_up, BIN)
 
 
 def plane(slope_deg: float, azimuth_deg: float = 0.0, size: int = 41, cell_m: float = 1.0) -> HeightField:
@@ -89,6 +100,39 @@ def test_a_soil_without_figures_is_taken_as_the_worst() -> None:
         assert worst.up_deg <= known.up_deg
         assert worst.across_deg <= known.across_deg
     assert soils()[UNKNOWN].softness == 0.8
+
+
+def test_no_cell_of_a_way_is_too_steep_for_it() -> None:
+    flat = HeightField(np.zeros((121, 121)), 1.0, (0.0, 0.0))
+    for seed in range(4):
+        map_ = mapped(HeightField(fractal(flat, 1.6, np.random.default_rng(seed), (60.0, 4.0)), 1.0, (0.0, 0.0)))
+        rows, columns = np.nonzero(map_.layers.slope_deg < 8.0)
+        route = plan_route(map_, map_.place((rows[0], columns[0])), map_.place((rows[-1], columns[-1])))
+        assert route.refusal is None
+        assert np.isfinite(way_cost(map_, route.way_w))
+
+
+@pytest.mark.parametrize(
+    ("slope_deg", "azimuth_deg", "may"),
+    [(15.0, 0.0, True), (16.0, 0.0, False), (14.5, 45.0, True), (16.0, 45.0, False), (19.0, 135.0, True)],
+)
+def test_a_climb_aslant_is_as_steep_as_the_slope(slope_deg: float, azimuth_deg: float, may: bool) -> None:
+    # The rig: 15 deg at 45 deg of azimuth carry the rover off by 15.4 deg, 17.5 by 20.7; at 135 deg 20 by 13.6.
+    rise, azimuth = np.tan(np.radians(slope_deg)), np.radians(azimuth_deg)
+    price = kernels.metre_cost(rise * np.cos(azimuth), rise * np.sin(azimuth), 0, 1.0, 0.0, *TABLES)
+    assert np.isfinite(price) == may
+
+
+def test_an_unsure_map_may_seem_steeper_but_costs_more() -> None:
+    assert COSTS.limits[0] == pytest.approx(np.tan(np.radians([COSTS.up_deg, COSTS.down_deg, COSTS.across_deg])))
+    assert (np.diff(COSTS.limits, axis=0) >= 0.0).all()
+    assert (COSTS.limits <= COSTS.holds_up).all()
+    assert (COSTS.limits[-1] == COSTS.holds_up).all()
+    assert (np.diff(COSTS.risk, axis=1) >= 0.0).all()  # with the slope
+    below = COSTS.risk[:, :100]
+    assert (np.diff(below, axis=0) >= 0.0).all()  # with the error, where the map shows what can be driven
+    assert COSTS.risk[0, 99] == 0.0
+    assert COSTS.risk[0, 101] == HELD_UP
 
 
 def test_goes_round_a_wall_through_its_gap() -> None:
@@ -157,8 +201,8 @@ def test_the_search_finds_what_another_dijkstra_finds(seed: int) -> None:
     part, care = map_.layers, map_.care
     seeds = np.full(care.shape, np.inf)
     seeds[4, 5] = 0.0
-    tables: tuple[Any, ...] = (COSTS.along, COSTS.across, COSTS.limits, BIN)
-    ours, _ = kernels.cost_to_goal(part.rise_x, part.rise_y, part.level, care, seeds, 1.0, *tables)
+    prices = kernels.step_prices(part.rise_x, part.rise_y, part.level, care, *TABLES)
+    ours, _ = kernels.cost_to_goal(prices, seeds, 1.0)
     edges = [edge for y in range(9) for x in range(11) for edge in outgoing(map_, x, y)]
     tail, head, weight = (np.array(column) for column in zip(*edges, strict=True))
     theirs = dijkstra(csr_array((weight, (head, tail)), shape=(99, 99)), indices=4 * 11 + 5)
@@ -171,20 +215,18 @@ def outgoing(map_: CostMap, x: int, y: int) -> list[tuple[int, int, float]]:
         if not (0 <= x + dx < 11 and 0 <= y + dy < 9):
             continue
         length = np.hypot(dx, dy)
-        means = [0.5 * (layer[y, x] + layer[y + dy, x + dx]) for layer in (part.rise_x, part.rise_y)]
-        level = max(part.level[y, x], part.level[y + dy, x + dx])
-        price = kernels.metre_cost(
-            means[0], means[1], level, dx / length, dy / length, COSTS.along, COSTS.across, COSTS.limits, BIN
-        )
         # Cells in the middle of a step: of a diagonal its two corners, of a knight's move the two that it splits.
         middle = {(x + np.floor(dx / 2), y + np.floor(dy / 2)), (x + np.ceil(dx / 2), y + np.ceil(dy / 2))}
         if abs(dx) == abs(dy) == 1:
             middle = {(x + dx, y), (x, y + dy)}
-        beside = [map_.care[int(b), int(a)] for a, b in middle]
-        ends = 0.5 * (map_.care[y, x] + map_.care[y + dy, x + dx])
-        care = ends if 0 in {dx, dy} else 0.5 * ends + 0.25 * sum(beside)
-        if np.isfinite(care * price):
-            found.append((y * 11 + x, (y + dy) * 11 + x + dx, length * price * care))
+        touched = [(x, y), (x + dx, y + dy), *([] if 0 in {dx, dy} else middle)]
+        prices = []
+        for column, row in touched:
+            at = int(row), int(column)
+            slope = part.rise_x[at], part.rise_y[at], part.level[at]
+            prices.append(map_.care[at] * kernels.metre_cost(*slope, dx / length, dy / length, *TABLES))
+        if np.all(np.isfinite(prices)):
+            found.append((y * 11 + x, (y + dy) * 11 + x + dx, length * np.mean(prices)))
     return found
 
 
