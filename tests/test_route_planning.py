@@ -105,7 +105,7 @@ def test_a_soil_without_figures_is_taken_as_the_worst() -> None:
 def test_no_cell_of_a_way_is_too_steep_for_it() -> None:
     flat = HeightField(np.zeros((121, 121)), 1.0, (0.0, 0.0))
     for seed in range(4):
-        map_ = mapped(HeightField(fractal(flat, 1.6, np.random.default_rng(seed), (60.0, 4.0)), 1.0, (0.0, 0.0)))
+        map_ = mapped(HeightField(fractal(flat, 0.9, np.random.default_rng(seed), (60.0, 4.0)), 1.0, (0.0, 0.0)))
         rows, columns = np.nonzero(map_.layers.slope_deg < 8.0)
         route = plan_route(map_, map_.place((rows[0], columns[0])), map_.place((rows[-1], columns[-1])))
         assert route.refusal is None
