@@ -38,7 +38,7 @@ SIDE = 501
 HILLS_M = (120.0, 4.0)
 RMS_M = (1.0, 1.5, 2.0, 2.5, 3.0)
 HUSKY = load_rover("husky").footprint()
-COSTS, HELD_UP = slope_costs("mars_sand", HUSKY), slope_costs("mars_sand", HUSKY, HOLDS_UP)
+COSTS, HELD_UP = slope_costs("mars_sand", HUSKY, "husky"), slope_costs("mars_sand", HUSKY, "husky", HOLDS_UP)
 YARD = "marsyard2022_hm.tif"
 
 

@@ -1,8 +1,9 @@
 """What a metre of slope costs a rover, by direction and soil, in metres of level ground of the same soil.
 
 Half of it is time, which slip takes, half is energy, both from what slopes did to the rover on the test rig
-(``knowledge/slopes.toml``); the nearer a lean is to tipping over, the more it costs. Where slip reaches the stop that
-the rover's own monitor has, or the slope carries it off sideways, it does not drive.
+(``knowledge/slopes``, a file a rover); the nearer a lean is to tipping over, the more it costs. Where slip reaches the
+stop that the rover's own monitor has, or the slope carries it off sideways, it does not drive. Where the map is not
+sure, what would hold the rover up has a high price, times its probability.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from worlds.errors import InputError
 from worlds.strict_toml import read_table
 from worlds.types import FloatArray, Footprint, IntArray
 
-KNOWLEDGE = Path(__file__).parent / "knowledge" / "slopes.toml"
+KNOWLEDGE = Path(__file__).parent / "knowledge" / "slopes"
 UNKNOWN = "unknown"
 BIN = 0.01  # between two entries of a table: of rise over run, and of the share of what the rover can
 BINS = 100  # up to 45 degrees, and twice as many for shares
@@ -71,13 +72,13 @@ class SlopeCosts:
     softness: float
 
 
-def slope_costs(soil: str, footprint: Footprint, limits: SlopeLimits | None = None) -> SlopeCosts:
-    """Tables for a soil of ``knowledge/slopes.toml``, or the worst of all of them for any other name.
+def slope_costs(soil: str, footprint: Footprint, rover: str, limits: SlopeLimits | None = None) -> SlopeCosts:
+    """Tables for a soil and a rover of ``knowledge/slopes``; any other name is taken as the worst of those there.
 
     With errors a metre costs what it does on average, with `HELD_UP` for what lies beyond `HOLDS_UP`.
     """
     limits = limits or SlopeLimits()
-    figures = soils().get(soil) or soils()[UNKNOWN]
+    figures = soils(rover).get(soil) or soils(rover)[UNKNOWN]
     lateral, longitudinal = tip_angles_deg(footprint)
     wanted, most = (_steepest_deg(figures, each, (lateral, longitudinal)) for each in (limits, HOLDS_UP))
     rise = np.degrees(np.arctan(BIN * np.arange(-BINS, BINS + 1)))
@@ -123,9 +124,13 @@ def error_level(error: FloatArray) -> IntArray:
 
 
 @cache
-def soils() -> dict[str, SoilSlopes]:
-    """Figures by soil, and the worst of them at every slope as `UNKNOWN`."""
-    return load_soils(KNOWLEDGE)
+def soils(rover: str) -> dict[str, SoilSlopes]:
+    """Figures of a rover by soil, and the worst of them at every slope as `UNKNOWN`; of any other rover the worst."""
+    known = {path.stem: load_soils(path) for path in sorted(KNOWLEDGE.glob("*.toml"))}
+    if rover in known:
+        return known[rover]
+    each = list(known.values())
+    return {name: _worst([figures[name] for figures in each], each[0][name].slope_deg) for name in each[0]}
 
 
 def load_soils(path: Path) -> dict[str, SoilSlopes]:

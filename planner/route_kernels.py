@@ -30,7 +30,7 @@ def _share(climb: float, lean: float, limits: FloatArray) -> float:
     """How much of what is allowed up, down and across (3,) a slope takes."""
     if climb > 0.0:
         return sqrt((climb / limits[0]) ** 2 + (lean / limits[2]) ** 2)
-    return max(-climb / limits[1], lean / limits[2])
+    return float(max(-climb / limits[1], lean / limits[2]))
 
 
 @nb.njit(cache=True, error_model="numpy")

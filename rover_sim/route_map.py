@@ -46,7 +46,7 @@ def first_route(world: World, footprint: Footprint, vehicle: Vehicle | None = No
     if table is None:
         return None
     measured = route_map(world, table, scenario.name)
-    costs = slope_costs(scenario.soil.preset, footprint)
+    costs = slope_costs(scenario.soil.preset, footprint, scenario.rover.model)
     start, goal = scenario.rover.start_m, scenario.goal
     model = LegModel(length_m=table.leg_m, pass_m=table.radius_m)
     risk = None if vehicle is None else risk_model(scenario, measured, vehicle, world.seed)

@@ -99,8 +99,8 @@ def _linear_soil(gain: float) -> FloatArray:
 
 @pytest.mark.parametrize("name", ["firm", "mars_sand", "loose_sand"])
 def test_slips_are_those_of_the_test_rig(name: str) -> None:
-    """Against ``knowledge/slopes.toml``, measured with the whole physics, where slip is below the stop."""
-    measured = measured_soils()[name]
+    """Against ``knowledge/slopes/husky.toml``, measured with the whole physics, where slip is below the stop."""
+    measured = measured_soils("husky")[name]
     curve = traction((soil_preset(name),), ROVER.wheel_shape(), 0.25 * ROVER.mass_kg * MARS, MARS).curves[0]
     for slope, slip in zip(measured.slope_deg, measured.slip_up, strict=False):
         if slip < 0.35:

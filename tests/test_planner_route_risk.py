@@ -26,7 +26,7 @@ ROVER = load_rover("husky")
 FOOTPRINT = ROVER.footprint()
 VEHICLE = Vehicle(FOOTPRINT, ROVER.wheel_shape(), ROVER.mass_kg, ROVER.centre_of_mass_b, ROVER.wheel.stiffness_N_m)
 PRIOR = SoilPrior((soil_preset("mars_sand"),), (1.0,))
-COSTS = slope_costs("mars_sand", FOOTPRINT)
+COSTS = slope_costs("mars_sand", FOOTPRINT, "husky")
 START, GOAL = (4.0, 20.0), (36.0, 20.0)
 
 

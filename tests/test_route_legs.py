@@ -17,7 +17,7 @@ from planner.route_marks import LegModel, landmarks, legs
 from tests.planner_factory import FOOTPRINT, pose_at
 from worlds.types import FloatArray, HeightField
 
-COSTS = slope_costs("mars_sand", FOOTPRINT)
+COSTS = slope_costs("mars_sand", FOOTPRINT, "husky")
 START, GOAL = (5.0, 30.0), (75.0, 30.0)
 
 

@@ -33,7 +33,7 @@ from worlds.synthesis import fractal
 from worlds.types import FloatArray, HeightField, RigidBody
 
 HUSKY = replace(FOOTPRINT, body=RigidBody(0.512, 0.571, 0.165, 0.114, (0.0, 0.0, 0.0235), ()))
-COSTS = slope_costs("mars_sand", HUSKY)
+COSTS = slope_costs("mars_sand", HUSKY, "husky")
 TABLES: tuple[Any, ...] = (COSTS.along, COSTS.across, COSTS.risk, COSTS.limits, COSTS.holds_up, BIN)
 
 
@@ -90,16 +90,16 @@ def test_limits_come_from_slip_stop_and_drift() -> None:
     # mars_sand slips .397 at 15 and .483 at 17.5 deg up; carried off by 12.4 and 15.2 deg at 12.5 and 15 across.
     assert COSTS.up_deg == pytest.approx(15.0 + 2.5 * (0.40 - 0.397) / (0.483 - 0.397))
     assert COSTS.across_deg == pytest.approx(12.5 + 2.5 * (15.0 - 12.4) / (15.2 - 12.4))
-    assert slope_costs("firm", HUSKY).up_deg == 22.5  # the last slope that it climbed
+    assert slope_costs("firm", HUSKY, "husky").up_deg == 22.5  # the last slope that it climbed
 
 
 def test_a_soil_without_figures_is_taken_as_the_worst() -> None:
-    worst = slope_costs("nowhere", HUSKY)
-    for name in soils():
-        known = slope_costs(name, HUSKY)
+    worst = slope_costs("nowhere", HUSKY, "husky")
+    for name in soils("husky"):
+        known = slope_costs(name, HUSKY, "husky")
         assert worst.up_deg <= known.up_deg
         assert worst.across_deg <= known.across_deg
-    assert soils()[UNKNOWN].softness == 0.8
+    assert soils("husky")[UNKNOWN].softness == 0.8
 
 
 def test_no_cell_of_a_way_is_too_steep_for_it() -> None:
@@ -133,6 +133,18 @@ def test_an_unsure_map_may_seem_steeper_but_costs_more() -> None:
     assert (np.diff(below, axis=0) >= 0.0).all()  # with the error, where the map shows what can be driven
     assert COSTS.risk[0, 99] == 0.0
     assert COSTS.risk[0, 101] == HELD_UP
+
+
+def test_each_rover_has_its_own_slips_and_an_unknown_one_the_worst() -> None:
+    # Jackal on mars_sand slips .347 at 7.5 and .443 at 10 deg up.
+    jackal = slope_costs("mars_sand", HUSKY, "jackal")
+    assert jackal.up_deg == pytest.approx(7.5 + 2.5 * (0.40 - 0.347) / (0.443 - 0.347))
+    stranger = slope_costs("mars_sand", HUSKY, "/somewhere/mine.toml")
+    for rover in ("husky", "jackal", "rocker_bogie"):
+        known = slope_costs("mars_sand", HUSKY, rover)
+        assert stranger.up_deg <= known.up_deg
+        assert stranger.across_deg <= known.across_deg
+    assert set(soils("mine")) == set(soils("husky"))
 
 
 def test_goes_round_a_wall_through_its_gap() -> None:
@@ -304,7 +316,7 @@ def test_a_true_cost_is_within_15_percent_of_the_best() -> None:
         noisy = denoised(ElevationMap.of(HeightField(truth.heights_m + noise, 1.0, (0.0, 0.0)), 0.1))
         true_map, ends = mapped(truth), ((20.0, 30.0), (180.0, 170.0))
         planned, best = plan_route(cost_map(noisy, COSTS), *ends), plan_route(true_map, *ends)
-        assert way_cost(true_map, planned.way_w, slope_costs("mars_sand", HUSKY, SlopeLimits(slip=0.5))) < (
+        assert way_cost(true_map, planned.way_w, slope_costs("mars_sand", HUSKY, "husky", SlopeLimits(slip=0.5))) < (
             1.15 * best.cost
         )
 
@@ -312,7 +324,8 @@ def test_a_true_cost_is_within_15_percent_of_the_best() -> None:
 def test_files_of_knowledge_are_checked(tmp_path: Path) -> None:
     wrong = tmp_path / "slopes.toml"
     wrong.write_text(
-        KNOWLEDGE.read_text(encoding="utf-8").replace("softness = 0.5", "hardness = 0.5"), encoding="utf-8"
+        (KNOWLEDGE / "husky.toml").read_text(encoding="utf-8").replace("softness = 0.5", "hardness = 0.5"),
+        encoding="utf-8",
     )
     with pytest.raises(InputError, match=r"slopes.toml: mars_sand: wanted are exactly softness, slip_up"):
         load_soils(wrong)

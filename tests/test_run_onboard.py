@@ -104,7 +104,7 @@ def test_stops_without_getting_on_exhaust_it(knowledge: Knowledge) -> None:
 def test_with_a_route_another_way_is_tried_where_the_rover_cannot_get_on(knowledge: Knowledge) -> None:
     drive = Drive((8.0, 0.0), knowledge)
     flat = ElevationMap.of(HeightField(np.zeros((61, 61)), 1.0, (-30.0, -30.0)))
-    costs = slope_costs("mars_sand", FOOTPRINT)
+    costs = slope_costs("mars_sand", FOOTPRINT, "husky")
     route = route_following.begin(flat, costs, (0.0, 0.0), (25.0, 0.0), 0.5)
     plan = navigator.begin((25.0, 0.0), 0.5, FOOTPRINT, (0.0, 0.0))
     computer = OnboardComputer(drive.stack.companion, drive.stack.frame, HOME, plan, knowledge, route=route)

@@ -56,7 +56,7 @@ def best_route(world: World, footprint: Footprint) -> tuple[CostMap, Route]:
     scenario = world.scenario
     assert scenario.route is not None
     ground = ElevationMap.of(averaged(world, scenario.route.resolution_m))
-    true_map = cost_map(ground, slope_costs(scenario.soil.preset, footprint))
+    true_map = cost_map(ground, slope_costs(scenario.soil.preset, footprint, scenario.rover.model))
     return true_map, plan_route(true_map, scenario.rover.start_m, scenario.goal.position_m)
 
 
