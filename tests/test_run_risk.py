@@ -149,7 +149,7 @@ def model(limit: float | None) -> RiskModel:
 
 @pytest.mark.parametrize(("limit", "severity"), [(None, Severity.INFO), (0.9, Severity.INFO), (0.5, Severity.WARNING)])
 def test_a_station_is_told_the_risk_when_it_is_planned_and_once(limit: float | None, severity: Severity) -> None:
-    heard, route = Heard(), begun(ridge(1.75), limit)
+    heard, route = Heard(), begun(ridge(1.62), limit)
     watch = RiskWatch(heard.say)
     for time_s in (0.0, 0.1, 0.2):
         watch.look(time_s, route, 0)
@@ -193,7 +193,7 @@ def driven(route: Following, stops: int = 0) -> RiskWatch:
 
 
 def test_what_happened_is_told_by_leg() -> None:
-    route = begun(ridge(1.75))
+    route = begun(ridge(1.75, low_end_m=26.0))
     assert len(route.legs) >= 3
     second = np.asarray(route.legs[0].end_w)
     rows = trace((0.0, *START, 0.0), (9.0, *second, 12.0), (12.0, *(second + 0.5), 3.0), (20.0, *GOAL, 2.0))
