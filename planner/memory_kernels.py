@@ -84,3 +84,40 @@ def touching(centre: FloatArray, radius: FloatArray, slack: float, least_m: floa
                 pairs[found, 0], pairs[found, 1] = n, m
                 found += 1
     return pairs[:found]
+
+
+@nb.njit(cache=True)
+def twins(
+    centre: FloatArray,
+    length: FloatArray,
+    width: FloatArray,
+    seen: IntArray,
+    unseen: IntArray,
+    overlap: float,
+    size: float,
+) -> IntArray:
+    """Pairs (K, 2) of a seen rock and an unseen one that overlaps it and is not much longer; each in one pair at most.
+
+    Overlap: middles nearer than ``overlap`` times the sum of the mean radii; length at most ``size`` times the other's.
+    """
+    pairs = np.empty((min(seen.shape[0], unseen.shape[0]), 2), dtype=np.int64)
+    taken = np.zeros(seen.shape[0], dtype=np.bool_)
+    found = 0
+    for m in unseen:
+        nearest, best = overlap, -1
+        for k in range(seen.shape[0]):
+            n = seen[k]
+            if taken[k] or length[m] > size * length[n]:
+                continue
+            reach = 0.25 * (length[n] + width[n] + length[m] + width[m])
+            x = abs(centre[n, 0] - centre[m, 0])
+            if x >= nearest * reach:
+                continue
+            apart = hypot(x, centre[n, 1] - centre[m, 1])
+            if apart < nearest * reach:
+                nearest, best = apart / reach, k
+        if best >= 0 and found < pairs.shape[0]:
+            pairs[found, 0], pairs[found, 1] = seen[best], m
+            taken[best] = True
+            found += 1
+    return pairs[:found]
