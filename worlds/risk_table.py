@@ -35,6 +35,10 @@ def check_risk(risk: RiskTable | None, source: str, *, routed: bool) -> None:
             load_soil(soil)
         except ScenarioError as error:
             raise ScenarioError(f"{source}: risk.soils: {error}") from error
+    if len(set(risk.soils)) < len(risk.soils):
+        raise ScenarioError(
+            f"{source}: risk.soils = {list(risk.soils)}: each soil only once; weights say how likely it is"
+        )
     if not risk.weights:
         return
     if len(risk.weights) != len(risk.soils):
