@@ -11,6 +11,7 @@ from __future__ import annotations
 import argparse
 import time
 from collections.abc import Callable
+from functools import partial
 
 from planner.risk import ROLLOUTS
 from planner.route_risk import RouteRisk, route_risk
@@ -44,9 +45,14 @@ def main() -> None:
     assert route is not None
     assert route.risk_model is not None
     model, ground, start = route.risk_model, route.store.coarse.field, trial.scenario.rover.start_m
-    for name, legs in (("longest leg", [max(route.legs, key=lambda leg: leg.length_m)]), ("whole route", route.legs)):
-        origin = start if len(legs) > 1 else (legs[0].end_w[0] - legs[0].length_m, legs[0].end_w[1])
-        seconds, risk = least_s(lambda legs=legs, origin=origin: route_risk(model, ground, origin, legs, 0))  # type: ignore[misc]
+    assert route.risk is not None
+    longest = max(range(len(route.legs)), key=lambda number: route.legs[number].length_m)
+    start_of_leg = tuple(route.risk.ways_w[longest][0].tolist())
+    for name, origin, legs in (
+        ("longest leg", start_of_leg, route.legs[longest : longest + 1]),
+        ("whole route", start, route.legs),
+    ):
+        seconds, risk = least_s(partial(route_risk, model, ground, origin, legs, 0))
         length_m = sum(leg.length_m for leg in legs)
         print(
             f"{name}: {length_m:.0f} m, {len(legs)} legs, {ROLLOUTS} rollouts {seconds:.2f} s "
