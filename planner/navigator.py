@@ -46,7 +46,8 @@ class NavigatorModel:
     extend_below_m: float = 3.8  # a way that ends sooner, and not at the goal, is renewed
     off_way_m: float = 0.45
     wobble_m: float = 0.05  # a rock that moves so much into a way does not break it
-    arrival_share: float = 0.9  # of the goal's radius
+    arrival_share: tuple[float, float] = (0.75, 0.9)  # of the goal's radius, at least and at most ...
+    arrival_sigmas: float = 2.0  # ... within which the rover is there although it errs by so many sigmas
     patience_m: float = 40.0  # driven without getting nearer, beside twice the first distance
     speed: SpeedModel = SpeedModel()  # noqa: RUF009 - frozen; where a laser scanner leads
     progress_m: float = 1.5  # away from the last recovery: the ladder starts anew
@@ -156,7 +157,7 @@ def step(
         return state, state.end
     place = _place(state, estimate)
     distance = float(np.hypot(place.goal_w[0] - place.position_w[0], place.goal_w[1] - place.position_w[1]))
-    if distance < state.model.arrival_share * state.goal_radius_m:
+    if distance < _arrival_m(state, estimate):
         return _ended(state, Decision("arrived", f"goal {distance:.2f} m away"))
     if state.travelled_m - state.best_at_m > state.model.patience_m + 2.0 * state.first_m:
         return _ended(state, Decision("no_path", f"{state.travelled_m - state.best_at_m:.0f} m without getting nearer"))
@@ -164,6 +165,13 @@ def step(
     if state.manoeuvre is not None and not finished(state.manoeuvre, place, time_s, seen=seen):
         return state, _as_decision(state.manoeuvre)
     return _decide(replace(state, manoeuvre=None), place, time_s)
+
+
+def _arrival_m(state: NavigatorState, estimate: PoseEstimate) -> float:
+    """How near to the goal the rover must believe to be, metres: the nearer the less sure it is of its place."""
+    sure = state.goal_radius_m - state.model.arrival_sigmas * estimate.position_sd_m
+    least, most = (share * state.goal_radius_m for share in state.model.arrival_share)
+    return min(most, max(least, sure))
 
 
 def _decide(state: NavigatorState, place: Place, time_s: float) -> tuple[NavigatorState, Decision]:

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -23,6 +25,18 @@ def test_rock_fields_of_cfa_5_percent_are_crossed(seed: int) -> None:
     assert run.end == "arrived"
     assert run.collisions == 0
     assert run.length_m < 20.0 * 1.35
+
+
+@pytest.mark.parametrize(("sd_m", "away_m"), [(0.02, 1.35), (0.15, 1.2), (3.0, 1.125)])
+def test_a_rover_that_is_unsure_of_its_place_goes_farther_into_the_goal(sd_m: float, away_m: float) -> None:
+    # Radius 1.5: nine tenths of it, two sigmas inside it, three quarters of it.
+    begun = navigator.begin((10.0, 0.0), 1.5, FOOTPRINT, (0.0, 0.0))
+
+    def kind(distance_m: float) -> str:
+        unsure = replace(pose_at(10.0 - distance_m, 0.0, 0.0), position_sd_m=sd_m)
+        return navigator.step(begun, None, unsure, 0.0)[1].kind
+
+    assert (kind(away_m - 0.01), kind(away_m + 0.01) == "arrived") == ("arrived", False)
 
 
 def test_the_same_twice() -> None:
