@@ -46,7 +46,7 @@ class NavigatorModel:
     extend_below_m: float = 3.8  # a way that ends sooner, and not at the goal, is renewed
     off_way_m: float = 0.45
     wobble_m: float = 0.05  # a rock that moves so much into a way does not break it
-    arrival_share: tuple[float, float] = (0.75, 0.9)  # of the goal's radius, at least and at most ...
+    arrival_share: tuple[float, float] = (0.8, 0.9)  # of the goal's radius, at least and at most ...
     arrival_sigmas: float = 2.0  # ... within which the rover is there although it errs by so many sigmas
     patience_m: float = 40.0  # driven without getting nearer, beside twice the first distance
     speed: SpeedModel = SpeedModel()  # noqa: RUF009 - frozen; where a laser scanner leads
