@@ -223,7 +223,7 @@ def _plot_errors(axes: Axes, drives: list[dict[str, Any]]) -> None:
         for column, colour, label in ((9, "tab:gray", "dead reckoning"), (3, "tab:blue", "by rocks")):
             off = np.hypot(*(table[:, column : column + 2] - table[:, 1:3]).T)
             axes.plot(table[:, 0], off, color=colour, linewidth=0.8, label=label if number == 0 else None)
-    way = np.array([0.0, max(row["rows"][-1][0] for row in drives)])
+    way = np.linspace(1.0, max(row["rows"][-1][0] for row in drives))
     axes.plot(way, 0.01 * way, color="black", linestyle="--", label="1 % of the way")
     axes.set(xlabel="way driven, m", ylabel="error of the place, m", yscale="log", ylim=(0.01, 20.0))
     axes.legend(fontsize=7)
@@ -236,7 +236,7 @@ def _plot_claim(axes: Axes, row: dict[str, Any]) -> None:
         axes.plot(table[:, 0], off[:, axis], color=colour, label=f"error to the {label}")
         for sign in (-1.0, 1.0):
             axes.plot(table[:, 0], sign * 2.0 * claimed[:, axis], color=colour, linestyle=":", linewidth=0.8)
-    axes.set(xlabel="way driven, m", ylabel="error, and two claimed sigmas (dotted), m", title=f"seed {row['seed']}")
+    axes.set(xlabel="way driven, m", ylabel="error, two claimed sigmas, m", title=f"seed {row['seed']}")
     axes.legend(fontsize=7)
 
 
@@ -247,7 +247,7 @@ def _plot_nees(axes: Axes, drives: list[dict[str, Any]]) -> None:
     low, high = chi2.ppf([0.025, 0.975], 2 * len(drives)) / len(drives)
     axes.axhspan(low, high, color="tab:green", alpha=0.2, label="95 % band")
     axes.plot(table[:, :, 0].mean(axis=0), nees, color="tab:blue", label=f"mean NEES of {len(drives)} drives")
-    axes.set(xlabel="way driven, m", ylabel="NEES of the place (2 degrees of freedom)", ylim=(0.0, None))
+    axes.set(xlabel="way driven, m", ylabel="NEES of the place, mean", ylim=(0.0, None))
     axes.legend(fontsize=7)
 
 
