@@ -81,8 +81,6 @@ class MemoryModel:
     height_sd_share: float = 0.10  # of the height, and an angle: one sigma of a height that comes without
     height_sd_rad: float = 0.005
     least_height_m: float = 0.03  # lower ones are no rocks to the wheels
-    twin_overlap: float = 0.8  # nearer than this share of the sum of their radii two rocks cannot both be there
-    twin_size: float = 1.3  # and one is no piece of the other if it is no longer than this times the other
     capacity: int = 800
 
 
@@ -131,8 +129,7 @@ def remember_rocks(
     reach = 2.0 + max((rock.range_m for rock in observation.rocks), default=model.sure_range_m[1])
     rocks, beyond = known.select(apart <= reach), known.select(apart > reach)
     match, fresh = _associate(rocks, views, model)
-    fused, match = _merge_twins(_fuse(rocks, views, match, model), match, model)
-    updated = _doubt(fused, match, observation, viewpoint_w, model)
+    updated = _doubt(_fuse(rocks, views, match, model), match, observation, viewpoint_w, model)
     joined = _join(updated, views.select(fresh))
     kept = _unite(joined.select(joined.log_odds > model.drop_below))
     return _cap(_join(kept, beyond), viewpoint_w, model)
@@ -197,31 +194,7 @@ def _fuse(rocks: RockMemory, views: RockMemory, match: Index, model: MemoryModel
     index = np.flatnonzero(match >= 0)
     if len(index) == 0:
         return rocks
-    return _put(rocks, index, _fused(rocks.select(index), views.select(match[index]), model))
-
-
-def _merge_twins(rocks: RockMemory, match: Index, model: MemoryModel) -> tuple[RockMemory, Index]:
-    """Rocks that were seen, fused with what is remembered at the same place and was not seen beside them.
-
-    Rocks lie apart. Two of about one size that overlap are one that was remembered anew when a view of it fell outside
-    of the gate; pieces of one large rock are seen side by side and stay. Returns the rocks left and their views.
-    """
-    seen, unseen = (np.flatnonzero(mask).astype(np.int32) for mask in (match >= 0, match < 0))
-    if len(seen) == 0 or len(unseen) == 0:
-        return rocks, match
-    sizes = rocks.length_m, rocks.width_m
-    pairs = kernels.twins(rocks.centre_w, *sizes, seen, unseen, model.twin_overlap, model.twin_size)
-    if len(pairs) == 0:
-        return rocks, match
-    first, second = pairs.T
-    merged = _put(rocks, first, _fused(rocks.select(first), rocks.select(second), model))
-    left = np.ones(len(rocks), dtype=bool)
-    left[second] = False
-    return merged.select(left), match[left]
-
-
-def _fused(old: RockMemory, new: RockMemory, model: MemoryModel) -> RockMemory:
-    """Rocks (N,) with one view each taken in; see `_fuse`."""
+    old, new = rocks.select(index), views.select(match[index])
     old_trace, new_trace = (np.trace(part.covariance, axis1=1, axis2=2) for part in (old, new))
     old_share = (new_trace / (old_trace + new_trace))[:, None, None]
     old_information = old_share * np.linalg.inv(old.covariance)
@@ -236,7 +209,7 @@ def _fused(old: RockMemory, new: RockMemory, model: MemoryModel) -> RockMemory:
     centre = old.centre_w + np.einsum("nij,nj->ni", gain, new.centre_w - old.centre_w)
     yaw = old.yaw_rad + share * _half_turn(new.yaw_rad - old.yaw_rad)
     gained = np.minimum(old.log_odds + model.seen_gain * new.certainty, model.most_log_odds)
-    return RockMemory(
+    fused = RockMemory(
         centre,
         0.5 * (covariance + np.swapaxes(covariance, 1, 2)),
         old.length_m + share * (new.length_m - old.length_m),
@@ -246,8 +219,9 @@ def _fused(old: RockMemory, new: RockMemory, model: MemoryModel) -> RockMemory:
         yaw,
         np.minimum(old.weight + new.weight, model.most_weight),
         gained,
-        np.maximum(old.seen_s, new.seen_s),
+        new.seen_s,
     )
+    return _put(rocks, index, fused)
 
 
 def _doubt(

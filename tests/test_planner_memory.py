@@ -47,25 +47,6 @@ def test_neighbours_stay_two() -> None:
     assert len(after(*(seen(t, rock(3, 0), rock(3, 0.8)) for t in range(3))).rocks) == 2
 
 
-def test_a_rock_remembered_twice_is_one_again_once_only_one_of_the_two_is_seen() -> None:
-    first, again = rock(3.0, 0, sd=0.04), rock(3.3, 0, sd=0.04)  # 3.6 sigma apart, overlapping by a quarter
-    assert len(after(seen(0, first), seen(1, again)).rocks) == 2
-    rocks = after(seen(0, first), seen(1, again), seen(2, again)).rocks
-    assert len(rocks) == 1
-    assert 3.1 < rocks.centre_w[0, 0] < 3.3
-    assert rocks.seen_s[0] == 2.0
-
-
-def test_pieces_that_are_seen_side_by_side_stay_two() -> None:
-    first, again = rock(3.0, 0, sd=0.04), rock(3.3, 0, sd=0.04)
-    assert len(after(*(seen(t, first, again) for t in range(4))).rocks) == 2
-
-
-def test_a_large_rock_is_no_twin_of_its_seen_piece() -> None:
-    large, piece = rock(3.0, 0, sd=0.04, size=0.8), rock(3.42, 0.2, sd=0.04, size=0.3)
-    assert len(after(seen(0, large), seen(1, piece), seen(2, piece)).rocks) == 2
-
-
 def test_a_rock_not_seen_again_is_dropped_and_one_out_of_view_is_kept() -> None:
     first = seen(0, rock(3, 0, certainty=0.5), rock(0.5, 0.5))
     memory = after(first, *(seen(t) for t in range(1, 5)))
