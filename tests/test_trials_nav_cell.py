@@ -15,6 +15,7 @@ CELL: Choices = {"cfa": (0.1,), "slope_deg": (0.0,), "soil": ("mars_sand",)}
 GOAL_M = (8.0, 0.0)  # nearer than the suite's 20 m, to be driven in seconds
 
 
+@pytest.mark.timeout(300)  # from a clean checkout everything that the loop needs is compiled first
 @pytest.mark.parametrize("seed", [100, 102])
 def test_the_rover_reaches_the_goal_and_breaks_no_limit(seed: int, tmp_path: Path) -> None:
     (trial,) = trials_of("nav", CELL, [seed], None)
