@@ -191,15 +191,18 @@ def cost_to_go(cost: FloatArray, seeds: FloatArray, step: float) -> tuple[FloatA
     heads = np.full(BUCKETS, -1, dtype=np.int32)
     links = np.full((flat_best, 2), -1, dtype=np.int32)  # of a queued cell: the one before and after it in its bucket
     queued = np.full(flat_best, -1, dtype=np.int32)  # its bucket
+    # Far goals make the least cost large: buckets begin there, as all that the last one holds is taken up in any order.
+    least = seeds.min() if flat_best > 0 else 0.0
+    first = int(least / BUCKET_M) if np.isfinite(least) else 0
     for flat in range(flat_best):
         value = seeds[flat // ny, flat % ny]
         if np.isfinite(value):
-            _queue(flat, value, heads, links, queued)
+            _queue(flat, value, first, heads, links, queued)
     for bucket in range(BUCKETS):
         while heads[bucket] >= 0:
             flat = heads[bucket]
             _unqueue(flat, heads, links, queued)
-            _spread(flat, cost, step, best, onward, heads, links, queued)
+            _spread(flat, cost, step, best, onward, first, heads, links, queued)
     return best, onward.reshape(nx, ny)
 
 
@@ -210,6 +213,7 @@ def _spread(
     step: float,
     best: FloatArray,
     onward: IntArray,
+    first: int,
     heads: IntArray,
     links: IntArray,
     queued: IntArray,
@@ -231,16 +235,16 @@ def _spread(
                 onward[to] = flat
                 if queued[to] >= 0:
                     _unqueue(to, heads, links, queued)
-                _queue(to, total, heads, links, queued)
+                _queue(to, total, first, heads, links, queued)
 
 
 @nb.njit(cache=True)
-def _queue(flat: int, value: float, heads: IntArray, links: IntArray, queued: IntArray) -> None:
-    bucket = min(int(value / BUCKET_M), BUCKETS - 1)
-    first = heads[bucket]
-    links[flat, 0], links[flat, 1] = -1, first
-    if first >= 0:
-        links[first, 0] = flat
+def _queue(flat: int, value: float, first: int, heads: IntArray, links: IntArray, queued: IntArray) -> None:
+    bucket = min(int(value / BUCKET_M) - first, BUCKETS - 1)
+    head = heads[bucket]
+    links[flat, 0], links[flat, 1] = -1, head
+    if head >= 0:
+        links[head, 0] = flat
     heads[bucket], queued[flat] = flat, bucket
 
 

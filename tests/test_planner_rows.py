@@ -179,3 +179,17 @@ def relaxed(cost: FloatArray, seeds: FloatArray, step: float) -> FloatArray:
         if np.array_equal(best, before):
             break
     return best[1:-1, 1:-1]
+
+
+def test_a_goal_far_away_costs_the_field_no_more_work() -> None:
+    rng = np.random.default_rng(0)
+    rocks = rng.uniform(-13.0, 13.0, (120, 2))
+    rocks = rocks[np.hypot(*rocks.T) > 1.2]
+    obstacles = table(*((x, y, 0.25) for x, y in rocks))
+    fields = [
+        goal_field(obstacles, CELLS, np.zeros(2), np.array([away, 0.0]), 0.5, NEED, DRIVE)
+        for away in (60.0, 400.0)  # beyond 80 m the search once did not end within minutes
+    ]
+    near, far = (float(field.at(np.zeros((1, 2)))[0]) for field in fields)
+    # All that is beyond the square is charged as unseen ground, half as much again as its length.
+    assert far - near == pytest.approx(1.5 * 340.0, rel=2e-3)
