@@ -70,12 +70,6 @@ def check_map_error(error: MapError) -> None:
     _within("map error: correlation_m", error.correlation_m, 1e-3, 1e5)
 
 
-def check_limit(limit: float | None) -> None:
-    """Raise InputError for a limit that is no probability."""
-    if limit is not None:
-        _within("risk limit", limit, 0.0, 1.0)
-
-
 def draw_soils(prior: SoilPrior, count: int, rng: np.random.Generator) -> tuple[Soil, ...]:
     """Soils drawn from the prior."""
     check_prior(prior)

@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from planner.risk import Chance, Forecast, Vehicle, forecast
-from planner.risk_prior import MapError, SoilPrior, SoilSpread, check_limit, draw_error, draw_soils
+from planner.risk_prior import MapError, SoilPrior, SoilSpread, draw_error, draw_soils
 from planner.risk_scores import Line, fit_line, reliability, scores
 from planner.risk_soil import COLUMNS, CONTACT, PULL, RESISTANCE, WALL, slips, traction
 from planner.route_cost import soils as measured_soils
@@ -141,13 +141,6 @@ def test_drawn_soils_scatter_as_told() -> None:
 def test_a_prior_that_cannot_be_is_named(soils: SoilPrior, error: MapError, words: str) -> None:
     with pytest.raises(InputError, match=words.replace("(", r"\(")):
         forecast(AHEAD, plane(), error, soils, vehicle(), MARS, np.random.default_rng(0), 2)
-
-
-def test_a_limit_is_a_probability() -> None:
-    check_limit(None)
-    check_limit(0.2)
-    with pytest.raises(InputError, match=r"risk limit = 1.2: allowed are 0 to 1"):
-        check_limit(1.2)
 
 
 def test_a_count_leaves_an_interval() -> None:

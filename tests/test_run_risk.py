@@ -15,13 +15,15 @@ from planner.route_following import Following
 from planner.route_risk import RiskModel
 from rover_sim.autopilot.modes import Severity
 from rover_sim.cli import main
+from rover_sim.driven_rover import CAMERA_STREAM, LASER_STREAM, LINK_STREAM, SENSOR_STREAM, SURVEY_STREAM
 from rover_sim.errors import InputError
 from rover_sim.mavlink.dialect import Message, mavlink
 from rover_sim.outcome import Reason
+from rover_sim.risk_belief import STREAM as RISK_STREAM
 from rover_sim.risk_belief import risk_vehicle
 from rover_sim.risk_figures import risk_figures
 from rover_sim.risk_watch import RiskWatch
-from rover_sim.route_map import first_route
+from rover_sim.route_map import ORBIT_STREAM, first_route
 from rover_sim.sim.rover import load_rover
 from tests.foreign_rig import ForeignPair
 from tests.test_planner_route_risk import GOAL, START, begun, ridge
@@ -38,6 +40,12 @@ SLOPE = Scenario(
     goal=Goal(position_m=(12.0, 0.0)),
     route=RouteTable(error_m=0.02, leg_m=(4.0, 8.0)),
 )
+
+
+def test_what_is_believed_is_drawn_apart_from_what_is_true() -> None:
+    true = SENSOR_STREAM, CAMERA_STREAM, LASER_STREAM, LINK_STREAM, SURVEY_STREAM, ORBIT_STREAM
+    # Zeros at the end of a seed change nothing: only the number of the stream tells draws apart.
+    assert len({*true, RISK_STREAM}) == len(true) + 1
 
 
 @pytest.mark.parametrize(
