@@ -20,6 +20,7 @@ from planner.monitor import MonitorLimits
 from planner.risk_prior import MapError, SoilPrior, check_map_error, draw_error, draw_soils
 from planner.risk_soil import Traction, traction
 from worlds.errors import InputError
+from worlds.heightfield import grid_points, height_at
 from worlds.types import FloatArray, Footprint, HeightField, IntArray, Vector3
 from worlds.wong_reece import WheelShape
 
@@ -28,6 +29,7 @@ PLACE_SD_M = 0.05  # of where the rover believes to be
 TILT_LIMIT_DEG, TILT_S, STUCK_S = 35.0, 0.5, 6.0  # the autopilot's fail-safes
 COVERAGE = 0.95  # of the intervals
 AROUND_M = 3.0  # of ground beside a way, and twice what map errors reach
+FINE_M = 0.25  # half a wheelbase: between heights where relief below the map's cells is drawn
 _SLOWEST_SHARE = 0.3  # of the cruise speed, that bounds the time of a rollout
 
 
@@ -114,8 +116,11 @@ def forecasts(
     load_N = 0.25 * vehicle.mass_kg * gravity_m_s2
     soils = traction(draw_soils(prior, rollouts, rng), vehicle.wheel, load_N, gravity_m_s2)
     car, around_m = constants(vehicle, gravity_m_s2), AROUND_M + 2.0 * error.correlation_m
+    cut = [clipped(ground, way, around_m) for way in ways_w]
+    if error.relief_m > 0.0:
+        cut = [finer(part, FINE_M) for part in cut]
     return tuple(
-        summarise(_rolled(way, clipped(ground, way, around_m), error, soils, car, rng, rollouts)) for way in ways_w
+        summarise(_rolled(way, part, error, soils, car, rng, rollouts)) for way, part in zip(ways_w, cut, strict=True)
     )
 
 
@@ -145,6 +150,14 @@ def clipped(ground: HeightField, way_w: FloatArray, around_m: float) -> HeightFi
         heights = nearest_known(heights, np.isfinite(heights))
     corner = ground.origin_m[0] + cell * float(low[0]), ground.origin_m[1] + cell * float(low[1])
     return HeightField(np.ascontiguousarray(heights), cell, corner)
+
+
+def finer(ground: HeightField, cell_m: float) -> HeightField:
+    """The same bilinear surface by heights no more than ``cell_m`` apart."""
+    parts = ceil(ground.resolution_m / cell_m - 1e-9)
+    (x, y), cell = grid_points(ground), ground.resolution_m / parts
+    across, down = (axis[0] + cell * np.arange((len(axis) - 1) * parts + 1) for axis in (x, y))
+    return HeightField(height_at(ground, across[None, :], down[:, None]), cell, ground.origin_m)
 
 
 def _rolled(

@@ -46,6 +46,7 @@ class MapError:
     sd_m: float  # of a height
     correlation_m: float  # distance over which errors of the map are alike
     roughness_m: float = 0.0  # rms of what is too fine for the map: bumps as wide as a wheel, stones
+    relief_m: float = 0.0  # rms of what lies between the map's heights, in ``sd_m``; 0: that is of the heights only
 
 
 def check_prior(prior: SoilPrior) -> None:
@@ -67,6 +68,7 @@ def check_map_error(error: MapError) -> None:
     """Raise InputError, which names the part and what is allowed, for an error that no map can have."""
     _within("map error: sd_m", error.sd_m, 0.0, 100.0)
     _within("map error: roughness_m", error.roughness_m, 0.0, 10.0)
+    _within("map error: relief_m", error.relief_m, 0.0, 10.0)
     _within("map error: correlation_m", error.correlation_m, 1e-3, 1e5)
 
 

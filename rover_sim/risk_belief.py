@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from planner.denoise import error_left
+from planner.fine_relief import map_error
 from planner.risk import Vehicle
 from planner.risk_prior import SoilPrior
 from planner.route_ground import ElevationMap
@@ -37,5 +38,5 @@ def risk_model(scenario: Scenario, measured: ElevationMap, vehicle: Vehicle, see
     table = scenario.risk or RiskTable()
     names = table.soils or (scenario.soil.preset,)
     prior = SoilPrior(tuple(load_soil(name) for name in names), table.weights or (1.0,) * len(names))
-    error = error_left(measured, table.roughness_m)
+    error = map_error(measured) if table.roughness_m is None else error_left(measured, table.roughness_m)
     return RiskModel(error, prior, vehicle, scenario.gravity_m_s2, (seed, STREAM), table.limit)

@@ -37,6 +37,8 @@ def risk_figures(watch: RiskWatch, trace: Mapping[str, FloatArray], reason: Reas
         "soils": {soil.name: weight for soil, weight in zip(model.prior.soils, model.prior.weights, strict=True)},
         "map_sd_m": round(model.error.sd_m, 4),
         "map_correlation_m": round(model.error.correlation_m, 3),
+        "map_relief_m": round(model.error.relief_m, 4),
+        "roughness_m": round(model.error.roughness_m, 4),
         "refused": route.risk is None,
         "routes_rejected": [round(tried.whole.fails.probability, 4) for tried in route.risks if tried is not None],
         "route": {**chances(risk.whole), "legs": len(risk.legs), "happened": _whole(driven, reason)},

@@ -135,6 +135,7 @@ def test_drawn_soils_scatter_as_told() -> None:
         (SoilPrior((soil_preset("firm"),), (-0.5,)), EXACT, "weight = -0.5"),
         (SoilPrior((soil_preset("firm"),), ()), EXACT, "1 soils and 0 weights"),
         (prior(), MapError(-0.1, 1.0), "sd_m = -0.1"),
+        (prior(), MapError(0.1, 1.0, 0.0, -0.1), "relief_m = -0.1"),
         (prior(), MapError(0.1, 0.0), "correlation_m = 0"),
     ],
 )

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -113,12 +114,27 @@ def test_the_forecast_is_made_of_the_soils_that_may_lie_there_and_of_the_map_err
     assert route.risk_model is not None
     assert [soil.name for soil in route.risk_model.prior.soils] == ["mars_sand"]
     assert 0.0 < route.risk_model.error.sd_m < 0.02  # less than the orbiter's
-    assert route.risk_model.error.roughness_m == 0.01
+    assert (route.risk_model.error.roughness_m, route.risk_model.error.relief_m) == (0.01, 0.0)  # a plane
     table = RiskTable(soils=("firm", "loose_sand"), weights=(3.0, 1.0), roughness_m=0.03, limit=0.9)
     mixed = begun_on(with_risk(table)).risk_model
     assert mixed is not None
     assert [soil.name for soil in mixed.prior.soils] == ["firm", "loose_sand"]
     assert (mixed.prior.weights, mixed.error.roughness_m, mixed.limit) == ((3.0, 1.0), 0.03, 0.9)
+
+
+@pytest.mark.parametrize(("given", "told"), [(None, 0.01), (0.03, 0.03)])
+def test_relief_below_the_cells_is_told_by_the_map_unless_a_number_is_given(given: float | None, told: float) -> None:
+    terrain = Terrain(kind="fractal", roughness_m=0.15, size_m=(60.0, 40.0), resolution_m=0.25)
+    hills = msgspec.structs.replace(SLOPE, terrain=terrain, risk=RiskTable(roughness_m=given))
+    found = begun_on(hills)
+    watch = RiskWatch(Heard().say)
+    watch.look(0.0, found, 0)
+    figures = risk_figures(watch, trace((0.0, 0.0, 0.0, 0.0)), Reason.TIMEOUT)
+    assert figures is not None
+    assert figures["roughness_m"] == told
+    assert (figures["map_relief_m"] > 0.02) == (given is None)
+    assert figures["map_relief_m"] < 0.05
+    assert figures["map_sd_m"] > figures["map_relief_m"]
 
 
 def test_the_true_soil_does_not_reach_the_forecast() -> None:
@@ -297,7 +313,7 @@ def test_a_foreign_autopilot_hears_the_companion_once_it_is_found() -> None:
 def test_the_example_loads() -> None:
     scenario = load_scenario(str(Path(__file__).parents[1] / "examples" / "risk.toml"))
     assert scenario.risk is not None
-    assert scenario.risk.limit == 0.2
+    assert scenario.risk.limit == 0.4
 
 
 def test_unknown_soils_of_a_prior_are_scenario_errors() -> None:

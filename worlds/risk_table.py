@@ -13,7 +13,7 @@ class RiskTable(Table, frozen=True):
     limit: float | None = None  # probability of failure over which a route is not driven; None: any is
     soils: tuple[str, ...] = ()  # that may lie there, presets or files; none: the scenario's main one
     weights: tuple[float, ...] = ()  # how likely each of them is; none: all the same
-    roughness_m: float = 0.01  # rms of what is too fine for the map
+    roughness_m: float | None = None  # rms of what is too fine for the map; None: by the map's own spectrum
 
 
 LIMITS: dict[str, tuple[float, float]] = {

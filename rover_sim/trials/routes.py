@@ -15,7 +15,6 @@ import numpy as np
 
 from rover_sim.errors import InputError
 from rover_sim.trials.trial import Value
-from worlds.risk_table import RiskTable
 from worlds.route_table import RouteTable
 from worlds.scenario import Goal, Rocks, RoverChoice, Scenario, SoilChoice, Terrain, check_scenario
 
@@ -40,7 +39,6 @@ def route_scenario(cell: Mapping[str, Value], heading_rad: float, worlds: Path |
     ground, distance_m = str(cell["ground"]), float(cell["distance_m"])
     ahead = np.array([np.cos(heading_rad), np.sin(heading_rad)])
     half = 0.5 * distance_m * ahead
-    risk = None
     if ground == YARD:
         if worlds is None:
             raise InputError(f"--cells ground={YARD}: needs --worlds, the folder that holds {YARD_FILE}")
@@ -49,8 +47,6 @@ def route_scenario(cell: Mapping[str, Value], heading_rad: float, worlds: Path |
         terrain = Terrain(kind="dem", path=str(yard_file(worlds)), resolution_m=0.1)
         route = RouteTable(resolution_m=0.5, error_m=0.05, leg_m=(4.0, 12.0), radius_m=1.5)
     elif ground in STEEP:
-        # Hills have relief of 4 cm between the heights of a map of 1 m, by the slope of their spectrum.
-        risk = RiskTable(roughness_m=0.04) if ground == "hills" else None
         terrain, route = _terrain(ground, distance_m, half), RouteTable(leg_m=(6.0, 12.0), radius_m=1.5)
     elif ground in GROUNDS:
         terrain, route = _terrain(ground, distance_m, half), RouteTable()
@@ -65,7 +61,6 @@ def route_scenario(cell: Mapping[str, Value], heading_rad: float, worlds: Path |
         rover=RoverChoice(start_m=(x, y), heading_deg=round(float(np.degrees(heading_rad)), 3)),
         goal=Goal(position_m=(goal_x, goal_y), radius_m=1.0, time_limit_s=distance_m / SLOWEST_M_S),
         route=route,
-        risk=risk,
     )
     check_scenario(scenario, "--cells")
     return scenario
