@@ -1,6 +1,6 @@
 """What the planner believes of tall rocks along a drive, against their true outlines.
 
-    uv run python benchmarks/rock_belief.py [--seeds 600 606] [--cfa 0.10]
+    uv run python benchmarks/rock_belief.py [--seeds 600 606] [--cfa 0.10] [--sensors stereo]
 
 The rover is carried along the oracle's way through the worlds of `rover-sim trials nav`, with a rendered picture every
 quarter of a metre; what perception sees in it is remembered as in a run. Its pose is exact; the ground that it believes
@@ -26,10 +26,11 @@ from planner.terrain_map import RockMemory, empty_memory, remember_rocks
 from rover_sim.learning.rendered_views import body_pose, plane_around
 from rover_sim.sim.renderer import add_noise, make_renderer
 from rover_sim.sim.rover import load_rover
+from rover_sim.traverse import STEREO_BASELINE_M
 from rover_sim.trials.oracle import oracle_way
 from rover_sim.trials.suites import Choices, trials_of
 from worlds.build import build_world
-from worlds.geometry import camera_pose, to_sun
+from worlds.geometry import camera_pose, to_sun, to_the_right
 from worlds.rock_shape import outlines
 from worlds.scenario import Camera
 from worlds.types import BoolArray, FloatArray, Footprint, Frame, GroundPlane, World
@@ -60,8 +61,8 @@ class Moment:
     seen: BoolArray  # (R,) rows of the world's rocks that were seen so far
 
 
-def carried(world: World, way_w: FloatArray) -> Iterator[Moment]:
-    """The moments of a rover that is carried along a way (N, 2), one a picture."""
+def carried(world: World, way_w: FloatArray, *, stereo: bool = False) -> Iterator[Moment]:
+    """The moments of a rover that is carried along a way (N, 2), one a picture, seen by one camera or by two."""
     rng, rover, renderer = np.random.default_rng(world.seed), load_rover("husky"), make_renderer(world)
     camera, knowledge, sun = rover.camera(Camera()), load_knowledge("rendered"), world.scenario.sun
     rocks, seen = empty_memory(way_w[0]).rocks, np.zeros(len(world.rocks), dtype=bool)
@@ -73,6 +74,9 @@ def carried(world: World, way_w: FloatArray) -> Iterator[Moment]:
         believed = GroundPlane(stand.point_w, plane_around(world.ground, x, y, 4.0).normal_w)
         image = add_noise(picture.image, Camera().noise, rng)
         frame = Frame(float(time_s), image, camera, pose, believed, to_sun_w=to_sun(sun.azimuth_deg, sun.elevation_deg))
+        if stereo:
+            beside = renderer.render(camera, to_the_right(pose, STEREO_BASELINE_M)).image
+            frame = replace(frame, right=add_noise(beside, Camera().noise, rng), baseline_m=STEREO_BASELINE_M)
         observation = perceive(frame, knowledge).observation
         assert observation is not None
         rocks = remember_rocks(rocks, observation, place)
@@ -180,6 +184,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="Believed tall rocks against their true outlines.")
     parser.add_argument("--seeds", type=int, nargs=2, default=(600, 606), metavar=("FIRST", "END"))
     parser.add_argument("--cfa", type=float, default=0.10, help="share of the ground under rocks")
+    parser.add_argument("--sensors", choices=("camera", "stereo"), default="camera")
     options = parser.parse_args()
     cell: Choices = {"cfa": (options.cfa,), "slope_deg": (0.0,), "soil": ("mars_sand",)}
     score, body = Score(), load_rover("husky").footprint()
@@ -188,7 +193,7 @@ def main() -> None:
         way = oracle_way(world, body)
         if way is None:
             continue
-        for number, moment in enumerate(carried(world, way)):
+        for number, moment in enumerate(carried(world, way, stereo=options.sensors == "stereo")):
             if number % SCORED_EACH == 0:
                 add(score, world, moment, body)
     print("\n".join(report(score)))

@@ -21,6 +21,7 @@ UNSEEN_COST = 0.5
 HILL_COST = 0.8
 NEAR_COST = 1.0
 ROUGH_COST = 0.4
+GAP_COST = 10.0  # of a metre through a far gap that seems too narrow by all that may be doubted
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,8 +71,9 @@ def goal_field(
     grid = obstacle_grid(table, (low[0], high[0]), (low[1], high[1]), (count, count))
     frame = (float(low[0]), float(low[1]), 0.0)
     unseen, rough = sample_grid(cells, frame, (0.0, 0.0, STEP_M, STEP_M), (count, count))
-    prices = (HILL_COST, NEAR_COST, UNSEEN_COST, ROUGH_COST)
-    cost = metre_costs(grid.clearance_m, grid.hill, unseen, rough, need_m, drive.comfort_m, prices)
+    prices = (HILL_COST, NEAR_COST, UNSEEN_COST, ROUGH_COST, GAP_COST)
+    gaps = (*drive.doubt_range_m, drive.doubt_gap_m)
+    cost = metre_costs(grid.clearance_m, grid.hill, unseen, rough, need_m, drive.comfort_m, STEP_M, gaps, prices)
     axis = STEP_M * np.arange(count)
     distance = np.hypot((low[0] + axis - goal_w[0])[:, None], low[1] + axis - goal_w[1])
     seeds = np.full((count, count), np.inf)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import sqrt
+from math import hypot, sqrt
 
 import numba as nb
 import numpy as np
@@ -159,13 +159,18 @@ def metre_costs(
     rough: Layer,
     need: float,
     comfort: float,
-    prices: tuple[float, float, float, float],
+    step: float,
+    gaps: tuple[float, float, float],
+    prices: tuple[float, float, float, float, float],
 ) -> FloatArray:
     """Cost of a metre at each cell, inf nearer than ``need`` to a hard rock.
 
-    ``prices``: of the hilly field, nearness, unseen ground and rough ground.
+    The rover stands in the middle. ``gaps``: how far off a gap must lie to count as doubtful at all and wholly, and by
+    how much it may then seem too narrow, all in metres. ``prices``: of the hilly field, nearness, unseen ground, rough
+    ground, and a gap that seems too narrow by so much.
     """
-    hilly, near, unknown, roughness = prices
+    hilly, near, unknown, roughness, doubtful = prices
+    near_m, far_m, most_m = gaps
     nx, ny = clearance.shape
     cost = np.empty((nx, ny))
     for i in range(nx):
@@ -173,7 +178,12 @@ def metre_costs(
             close = min(max((need + comfort - clearance[i, j]) / comfort, 0.0), 1.0)
             ground = unknown if unseen[i, j] > 0.5 else roughness * rough[i, j]
             value = 1.0 + hilly * hill[i, j] + near * close * close + ground
-            cost[i, j] = value if clearance[i, j] >= need else np.inf
+            if clearance[i, j] < need:
+                away = step * hypot(i - 0.5 * (nx - 1), j - 0.5 * (ny - 1))
+                allowed = most_m * min(max((away - near_m) / (far_m - near_m), 0.0), 1.0)
+                short = need - clearance[i, j]
+                value = value + doubtful * short / most_m if short < allowed else np.inf
+            cost[i, j] = value
     return cost
 
 

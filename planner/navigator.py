@@ -379,7 +379,9 @@ def _still_good(
     if not ends_at_goal and _length(rest) < min(model.extend_below_m, 0.5 * whole):
         return False
     need = models.drive.need_m(models.footprint, squeeze=choice.squeeze or narrow) - model.wobble_m
-    if segment_clearance(table, rest).min(initial=np.inf) < need:
+    points = dense(rest, 0.25)
+    away = np.hypot(*(points[1:] - place.position_w).T)
+    if (segment_clearance(table, points) + models.drive.doubt_m(away)).min(initial=np.inf) < need:
         return False
     old, new = (way_cost(way, state.memory, table, place, models, choice.to_go) for way in (rest, fresh.waypoints_w))
     return old < new + model.keep_gain_m + model.keep_share * new

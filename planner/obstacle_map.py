@@ -36,17 +36,29 @@ class DriveModel:
     most_doubt: float = 0.135  # a rock that the belly would meet with a higher probability is hard
     doubt_weight: float = 30.0  # in the hilly field of a low rock that the belly would surely meet
     sure_certainty: float = 0.35  # rocks less likely than this only cost
-    touching: float = 1.1  # two rocks nearer than the sum of their radii times this are pieces of one
+    touching: float = 1.1  # two rocks nearer than the sum of their radii times this are pieces of one; 0: none are
     sd_share: float = 0.5  # of a rock's position error added to its berth
     most_sd_m: float = 0.10  # at most: a gap that looks closed from afar may open near by
     sure_sd_m: float = 0.30  # a rock whose place is less certain only costs: a nearer look will place it
     sure_far_sd_m: float = 0.15  # the same farther off than ...
     far_m: float = 1.5  # ... this, as the camera will see it again before it is reached
+    doubt_gap_m: float = 0.12  # by which a far gap may seem too narrow and still be worth a look ...
+    doubt_range_m: tuple[float, float] = (1.5, 3.5)  # ... none of it nearer than the first, all beyond the second
     unsure_weight: float = 4.0  # times the weight of a hard rock, for a high one that only costs
+
+    def doubt_m(self, away_m: FloatArray) -> FloatArray:
+        """By how much gaps that are so far away may seem too narrow, metres."""
+        near, far = self.doubt_range_m
+        doubt: FloatArray = self.doubt_gap_m * np.clip((away_m - near) / (far - near), 0.0, 1.0)
+        return doubt
 
     def need_m(self, footprint: Footprint, *, squeeze: bool = False) -> float:
         """Distance that the rover's centre line keeps from the edge of a hard rock."""
         return footprint.width_m / 2.0 + (self.squeeze_margin_m if squeeze else self.margin_m)
+
+
+# Two eyes measure how high a piece is; one takes the height from the breadth, and a piece for a low rock.
+STEREO_DRIVE = DriveModel(touching=0.0)
 
 
 @dataclass(frozen=True)
@@ -141,8 +153,10 @@ def _berth(rocks: RockMemory, model: DriveModel, climb_height_m: float, wheel_wi
 def _joined(low: RockMemory, model: DriveModel, climb_height_m: float) -> FloatArray:
     """Hard obstacles (N, 7) of pairs of touching low rocks, where one rock of their joint width would be too high.
 
-    Rocks lie apart; what touches in the belief is mostly one rock that was seen in pieces.
+    Rocks lie apart; what touches in the belief may be one rock that was seen in pieces.
     """
+    if model.touching <= 0.0:
+        return NO_OBSTACLES
     radius = 0.25 * (low.length_m + low.width_m)
     first, second = touching(low.centre_w, radius, model.touching, climb_height_m / HEIGHT_OVER_WIDTH).T
     one = np.ones(len(first))

@@ -11,8 +11,10 @@ import numpy as np
 
 from perception.pipeline import load_knowledge
 from planner import navigator
+from planner.choice import Models
 from planner.corridor import CAMERA_SPEED, SpeedModel
 from planner.navigator import NavigatorModel
+from planner.obstacle_map import STEREO_DRIVE, DriveModel
 from planner.route_following import Following
 from rover_sim.autopilot.modes import Severity
 from rover_sim.autopilot.tuning import tuned_autopilot
@@ -248,8 +250,15 @@ class Traverse:
         goal = scenario.goal
         model = NavigatorModel(speed=SpeedModel() if "laser" in self._eyes else CAMERA_SPEED)
         area = self.world.ground.x_limits_m, self.world.ground.y_limits_m
+        body, drive = self.rover.footprint, STEREO_DRIVE if scenario.sensors.stereo else DriveModel()
         plan = navigator.begin(
-            goal.position_m, goal.radius_m, self.rover.footprint, scenario.rover.start_m, model=model, area=area
+            goal.position_m,
+            goal.radius_m,
+            body,
+            scenario.rover.start_m,
+            models=Models(body, drive),
+            model=model,
+            area=area,
         )
         periods = {name: eye.steps / self._steps_per_s for name, eye in self._eyes.items()}
         knowledge = load_knowledge("rendered")
