@@ -11,9 +11,9 @@ from itertools import pairwise
 
 import numpy as np
 
-from planner.goal_field import GoalField, goal_field
+from planner.goal_field import STEP_M, GoalField, goal_field
 from planner.ground_cells import sample
-from planner.obstacle_map import DriveModel, Frame2, obstacle_grid, segment_clearance
+from planner.obstacle_map import DriveModel, Frame2, let_leave, near, obstacle_grid, segment_clearance
 from planner.room import turn_range
 from planner.row_search import Candidate, EndCost, RowModel, RowSearch, Task, search
 from planner.terrain_map import TerrainMemory
@@ -22,6 +22,7 @@ from worlds.geometry import wrap_angle
 from worlds.types import FloatArray, Footprint
 
 SUB_GOALS_M = (6.5, 4.5, 3.0, 2.0, 1.2)  # along the field's way, tried in turn
+SET_OUT_M, DIRECTIONS = 1.2, 24  # of the first stretch of a way round, and how many are compared
 AHEAD_M = (1.8, 1.0)  # to make room
 SQUEEZE_SHARE, SQUEEZE_M = 1.1, 2.0  # cost of a way through narrow gaps against one that keeps the whole margin
 TURN_M = 1.0  # of way that a radian of turning on the spot costs where an old way is compared with a new one
@@ -242,7 +243,7 @@ def _round(
     if direct.candidates and direct.blocked_row is None and direct.candidates[0].cost < 1.15 * here + 0.5:
         reason = "free rows to the goal again" if not squeeze else "a narrow way to the goal"
         return _chosen(direct, table_w, place, models, detour=False, squeeze=squeeze, reason=reason)
-    way = field.way(np.asarray(place.position_w), max(SUB_GOALS_M))
+    way = _setting_out(memory, table_w, place, models, field, squeeze=squeeze)
     if len(way) < 2:
         return None
     arcs = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(way, axis=0), axis=1))])
@@ -256,6 +257,32 @@ def _round(
             reason = "round by a side" if not squeeze else "round through a narrow gap"
             return _chosen(found, table_w, place, models, detour=True, squeeze=squeeze, reason=reason)
     return None
+
+
+def _setting_out(
+    memory: TerrainMemory, table_w: FloatArray, place: Place, models: Models, field: GoalField, *, squeeze: bool
+) -> FloatArray:
+    """The field's way (N, 2) from the rover on, the first turn counted too; empty if none leads on."""
+    position, need = np.asarray(place.position_w), models.drive.need_m(models.footprint, squeeze=squeeze)
+    turns = np.linspace(-np.pi, np.pi, DIRECTIONS, endpoint=False)
+    ahead = np.stack([np.cos(place.heading_rad + turns), np.sin(place.heading_rad + turns)], axis=1)
+    ends = position + SET_OUT_M * ahead
+    around = let_leave(near(table_w, position, SET_OUT_M + 1.5), position, need)
+    free = np.array([segment_clearance(around, np.stack([position, end])).min() >= need for end in ends])
+    right, left = _room(memory, table_w, place, models)
+    free &= (turns >= min(right, -0.35)) & (turns <= max(left, 0.35))
+    cost = np.where(free, field.at(ends) + TURN_M * dearer_turns(place) * np.abs(turns), np.inf)
+    straight = field.way(position, max(SUB_GOALS_M))
+    if not np.isfinite(cost.min()):
+        return straight
+    best = int(np.argmin(cost))
+    if len(straight) > 1:
+        # The field's own way sets out in any direction: it is taken unless the other one is cheaper with its turn.
+        at = straight[min(round(SET_OUT_M / STEP_M), len(straight) - 1)]
+        turn = abs(wrap_angle(float(np.arctan2(*(at - position)[::-1])) - place.heading_rad))
+        if float(field.at(at[None])[0]) + TURN_M * dearer_turns(place) * turn <= float(cost[best]):
+            return straight
+    return np.vstack([position, field.way(ends[best], max(SUB_GOALS_M) - SET_OUT_M)])
 
 
 def _ahead(

@@ -34,6 +34,7 @@ class DriveModel:
     flank_share: float = 1.25  # and wheels may pass over the flank of lower ones
     height_error: float = 1.5  # over the stated one: rocks that are steeper than most fool every view alike
     most_doubt: float = 0.135  # a rock that the belly would meet with a higher probability is hard
+    low_weight: float = 0.4  # in the hilly field of a rock as high as wheels climb; of lower ones by the square
     doubt_weight: float = 30.0  # in the hilly field of a low rock that the belly would surely meet
     sure_certainty: float = 0.35  # rocks less likely than this only cost
     touching: float = 1.1  # two rocks nearer than the sum of their radii times this are pieces of one; 0: none are
@@ -58,7 +59,7 @@ class DriveModel:
 
 
 # Two eyes measure how high a piece is; one takes the height from the breadth, and a piece for a low rock.
-STEREO_DRIVE = DriveModel(touching=0.0)
+STEREO_DRIVE = DriveModel(touching=0.0, low_weight=1.2)
 
 
 @dataclass(frozen=True)
@@ -115,7 +116,7 @@ def obstacles(
     doubt = belly_meets(rocks, model, climb_height_m)
     high, sure = doubt > model.most_doubt, _sure(rocks, model, place_w)
     hard = high & sure
-    low = 0.4 * np.minimum(rocks.height_m / climb_height_m, 1.0) ** 2 + model.doubt_weight * doubt
+    low = model.low_weight * np.minimum(rocks.height_m / climb_height_m, 1.0) ** 2 + model.doubt_weight * doubt
     tall = np.clip(rocks.height_m / 0.25, 0.4, 1.0)
     weight = rocks.certainty * np.where(hard, tall, np.where(high, model.unsure_weight * tall, low))
     radius = 0.5 * rocks.width_m + np.where(hard, _berth(rocks, model, climb_height_m, wheel_width_m), 0.0)
