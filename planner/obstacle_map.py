@@ -58,8 +58,9 @@ class DriveModel:
         return footprint.width_m / 2.0 + (self.squeeze_margin_m if squeeze else self.margin_m)
 
 
-# Two eyes measure how high a piece is; one takes the height from the breadth, and a piece for a low rock.
-STEREO_DRIVE = DriveModel(touching=0.0, low_weight=1.2)
+# Two eyes measure how high a piece is; one takes the height from the breadth, and a piece for a low rock. What is
+# believed better needs less of a margin elsewhere: more rocks are hard, and low ones, which hold wheels, cost more.
+STEREO_DRIVE = DriveModel(touching=0.0, low_weight=1.2, belly_share=1.08)
 
 
 @dataclass(frozen=True)
