@@ -13,9 +13,9 @@ import numpy as np
 
 from planner.goal_field import STEP_M, GoalField, goal_field
 from planner.ground_cells import sample
-from planner.obstacle_map import DriveModel, Frame2, let_leave, near, obstacle_grid, segment_clearance
+from planner.obstacle_map import MAX_CLEARANCE_M, DriveModel, Frame2, let_leave, near, obstacle_grid, segment_clearance
 from planner.room import turn_range
-from planner.row_search import Candidate, EndCost, RowModel, RowSearch, Task, search
+from planner.row_search import Candidate, EndCost, RowModel, RowSearch, Task, room_for, search
 from planner.terrain_map import TerrainMemory
 from planner.traversability import PathFeatures, TraversabilityRules, traversability
 from worlds.geometry import wrap_angle
@@ -262,26 +262,31 @@ def _round(
 def _setting_out(
     memory: TerrainMemory, table_w: FloatArray, place: Place, models: Models, field: GoalField, *, squeeze: bool
 ) -> FloatArray:
-    """The field's way (N, 2) from the rover on, the first turn counted too; empty if none leads on."""
+    """The field's way (N, 2) from the rover on, the first turn counted too; empty if none leads on.
+
+    The field does not know where the rover looks: a way that goes on ahead may cost less than the field's own with its
+    turn. So straight first stretches in all directions are compared with that one.
+    """
     position, need = np.asarray(place.position_w), models.drive.need_m(models.footprint, squeeze=squeeze)
+    own = field.way(position, max(SUB_GOALS_M))
     turns = np.linspace(-np.pi, np.pi, DIRECTIONS, endpoint=False)
-    ahead = np.stack([np.cos(place.heading_rad + turns), np.sin(place.heading_rad + turns)], axis=1)
-    ends = position + SET_OUT_M * ahead
-    around = let_leave(near(table_w, position, SET_OUT_M + 1.5), position, need)
-    free = np.array([segment_clearance(around, np.stack([position, end])).min() >= need for end in ends])
+    ends = position + SET_OUT_M * np.stack(
+        [np.cos(place.heading_rad + turns), np.sin(place.heading_rad + turns)], axis=1
+    )
+    there_and_back = np.stack([np.broadcast_to(position, ends.shape), ends], axis=1).reshape(-1, 2)
+    around = let_leave(near(table_w, position, SET_OUT_M + MAX_CLEARANCE_M), position, need)
     right, left = _room(memory, table_w, place, models)
-    free &= (turns >= min(right, -0.35)) & (turns <= max(left, 0.35))
-    cost = np.where(free, field.at(ends) + TURN_M * dearer_turns(place) * np.abs(turns), np.inf)
-    straight = field.way(position, max(SUB_GOALS_M))
-    if not np.isfinite(cost.min()):
-        return straight
+    free = (segment_clearance(around, there_and_back)[::2] >= need) & room_for(turns, (right, left))
+    radian = TURN_M * dearer_turns(place)
+    cost = np.where(free, field.at(ends) + radian * np.abs(turns), np.inf)
     best = int(np.argmin(cost))
-    if len(straight) > 1:
-        # The field's own way sets out in any direction: it is taken unless the other one is cheaper with its turn.
-        at = straight[min(round(SET_OUT_M / STEP_M), len(straight) - 1)]
-        turn = abs(wrap_angle(float(np.arctan2(*(at - position)[::-1])) - place.heading_rad))
-        if float(field.at(at[None])[0]) + TURN_M * dearer_turns(place) * turn <= float(cost[best]):
-            return straight
+    if not np.isfinite(cost[best]):
+        return own
+    if len(own) > 1:
+        end = own[min(round(SET_OUT_M / STEP_M), len(own) - 1)]
+        turn = abs(wrap_angle(float(np.arctan2(*(end - position)[::-1])) - place.heading_rad))
+        if float(field.at(end[None])[0]) + radian * turn <= cost[best]:
+            return own
     return np.vstack([position, field.way(ends[best], max(SUB_GOALS_M) - SET_OUT_M)])
 
 

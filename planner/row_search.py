@@ -19,8 +19,9 @@ from planner.ground_cells import GroundCells, sample_grid
 from planner.map_kernels import least_clearance, simplify
 from planner.obstacle_map import MAX_CLEARANCE_M, DriveModel, Frame2, ObstacleGrid, around, obstacle_grid
 from planner.row_kernels import Layer
-from worlds.types import FloatArray, IntArray
+from worlds.types import BoolArray, FloatArray, IntArray
 
+CURVE_RAD = 0.35  # turns up to this need no room of their own
 EndCost = Callable[[FloatArray], FloatArray]  # world points (N, 2) -> metres still to go (N,)
 
 
@@ -162,10 +163,14 @@ def _first_costs(task: Task, grid: ObstacleGrid, model: RowModel) -> FloatArray:
     shifts = np.arange(-model.most_shift, model.most_shift + 1)
     direction = task.frame.heading_rad + np.arctan2(shifts * grid.step_y_m, grid.step_x_m * model.sub_rows)
     turn = (direction - task.heading_rad + np.pi) % (2 * np.pi) - np.pi
-    right, left = task.turn_range_rad
-    # Small turns are driven as a curve, not on the spot.
-    room = (turn >= min(right, -0.35)) & (turn <= max(left, 0.35))
-    return np.where(room, model.first_turn_cost * np.abs(turn), np.inf)
+    return np.where(room_for(turn, task.turn_range_rad), model.first_turn_cost * np.abs(turn), np.inf)
+
+
+def room_for(turns_rad: FloatArray, range_rad: tuple[float, float]) -> BoolArray:
+    """Which turns (N,), left positive, there is room for; small ones are driven as a curve, not on the spot."""
+    right, left = range_rad
+    room: BoolArray = (turns_rad >= min(right, -CURVE_RAD)) & (turns_rad <= max(left, CURVE_RAD))
+    return room
 
 
 def _candidate(
