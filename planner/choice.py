@@ -42,6 +42,7 @@ class Place:
     bold: bool = False  # may turn over ground that was never seen
     speed_m_s: float = 0.0
     downhill_w: tuple[float, float] = (0.0, 0.0)  # of the general slope, rise over run
+    jam: float = 0.0  # heights of the rocks that wheels would meet in a turn on the spot, in climb heights
 
 
 @dataclass(frozen=True)
@@ -134,8 +135,8 @@ def way_cost(
 
 
 def dearer_turns(place: Place) -> float:
-    """Factor on the price of turning on the spot where the ground tilts as it does at ``place``."""
-    return 1.0 + DEARER_BY_DEG * max(place.slope_deg - SLOPE_DEG, 0.0)
+    """Factor on the price of turning on the spot at ``place``: for the tilt of the ground, and for rocks at wheels."""
+    return 1.0 + DEARER_BY_DEG * max(place.slope_deg - SLOPE_DEG, 0.0) + place.jam
 
 
 def turn_onto(way_w: FloatArray, place: Place) -> float:

@@ -7,10 +7,12 @@ import numpy as np
 from planner.ground_cells import GroundCells, sample
 from planner.obstacle_map import Frame2, in_frame, near
 from planner.room_kernels import free_turns
+from planner.terrain_map import RockMemory
 from worlds.types import FloatArray, Footprint
 
 GAP_M = 0.04  # between body and rock while turning
 SLIDE_M_RAD = 1.5  # of way downhill for each radian of turn, where the ground rises by a metre a metre
+ROLLED_OVER_M, SURE = 0.03, 0.35  # of rocks: what hardly holds a wheel, and the least certainty that counts
 STEP_RAD = float(np.deg2rad(5.0))
 _RIM_RAD = np.linspace(0.0, 2.0 * np.pi, 16, endpoint=False)
 RIM = np.concatenate([share * np.stack([np.cos(_RIM_RAD), np.sin(_RIM_RAD)], axis=1) for share in (0.75, 0.95)])
@@ -42,6 +44,19 @@ def turn_range(
     slide_b = np.array([slide[0] * cos + slide[1] * sin, slide[1] * cos - slide[0] * sin])
     right, left = free_turns(local, half_length, half_width, STEP_RAD, slide_b)
     return float(right), float(left)
+
+
+def jam(rocks: RockMemory, place_w: FloatArray, footprint: Footprint) -> float:
+    """Heights of the rocks in the ring that wheels sweep in a turn on the spot, in climb heights.
+
+    A wheel rolls over what it would not get over sideways: the side of a wheel is a wall.
+    """
+    middle = 0.5 * float(np.hypot(footprint.wheelbase_m, footprint.track_m))
+    half = float(np.hypot(footprint.wheel_radius_m, 0.5 * footprint.wheel_width_m))
+    away = np.hypot(*(rocks.centre_w - place_w).T)
+    met = (np.abs(away - middle) < half + 0.25 * (rocks.length_m + rocks.width_m)) & (rocks.certainty > SURE)
+    met &= rocks.height_m > ROLLED_OVER_M
+    return float((rocks.height_m[met] / footprint.climb_height_m).sum())
 
 
 def _unseen(cells: GroundCells, place_w: FloatArray, radius_m: float) -> FloatArray:

@@ -133,6 +133,10 @@ def test_the_points_of_a_rock_tell_its_height() -> None:
     assert refined(unsure, depth, pixels_by_label(labels, 1)[0], ground, EYES, KNOW).height_m == pytest.approx(
         0.3, abs=0.01
     )
+    piece, tall = structs.replace(unsure, height_m=0.05, height_sd_m=0.005), structs.replace(unsure, height_m=0.5)
+    low, high = (refined(rock, depth, pixels_by_label(labels, 1)[0], ground, EYES, KNOW) for rock in (piece, tall))
+    assert low.height_m == pytest.approx(0.3, abs=0.01), "the outline of a piece does not hold its top down"
+    assert high.height_m > 0.4, "nor do points that matching smeared hold down an outline"
     assert (
         refined(structs.replace(unsure, cut=True), depth, pixels_by_label(labels, 1)[0], ground, EYES, KNOW).height_m
         < 0.25

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -7,13 +9,15 @@ from hypothesis import strategies as st
 
 from planner import obstacle_map as om
 from planner import row_kernels as kernels
+from planner.choice import Models, Place, choose
 from planner.goal_field import goal_field
 from planner.ground_cells import driven_view, empty_cells, take_in
 from planner.map_kernels import cost_to_go
-from planner.room import turn_range
+from planner.room import jam, turn_range
 from planner.row_search import RowSearch, Task, search
+from planner.terrain_map import RockMemory, empty_memory, remember, rock_at
 from tests.planner_factory import FOOTPRINT
-from worlds.types import FloatArray
+from worlds.types import FloatArray, Observation, PerceivedRock
 
 DRIVE = om.DriveModel()
 NEED = DRIVE.need_m(FOOTPRINT)
@@ -150,6 +154,52 @@ def test_the_field_of_a_walled_goal_is_infinite() -> None:
     field = goal_field(table(*ring), CELLS, np.zeros(2), np.array([6.0, 0.0]), 0.5, NEED, DRIVE)
     assert np.isinf(field.at(np.zeros((1, 2)))).all()
     assert len(field.way(np.zeros(2), 5.0)) == 0
+
+
+def test_a_far_gap_that_seems_too_narrow_is_worth_a_look_and_a_near_one_is_not() -> None:
+    # A wall with one gap, too narrow by 0.08 m on both sides, in 12 m of rocks: round it is far.
+    side = NEED - 0.08 + 0.3
+    wall = [(4.0, y, 0.3) for end in (-1.0, 1.0) for y in end * np.arange(side, 12.0, 0.5)]
+    far, near = (
+        goal_field(table(*wall), CELLS, np.array([x, 0.0]), np.array([8.0, 0.0]), 0.5, NEED, DRIVE) for x in (0.0, 3.0)
+    )
+    assert np.abs(far.way(np.zeros(2), 20.0)[:, 1]).max() < 0.2
+    # Unseen ground costs 1.5 a metre. Doubted by 0.08 of 0.12 m, 4 m away all of it, a metre of gap costs 6.7 more.
+    assert 12.0 < far.at(np.zeros((1, 2)))[0] < 12.0 + 6.7
+    assert near.at(np.array([[3.0, 0.0]]))[0] > 20.0
+    closed = [*wall, (4.0, 0.0, 0.3)]
+    assert goal_field(
+        table(*closed), CELLS, np.zeros(2), np.array([8.0, 0.0]), 0.5, NEED, DRIVE
+    ).at(np.zeros((1, 2)))[0] > 20.0  # fmt: skip
+    assert DRIVE.doubt_m(np.array([0.0, 1.5, 2.5, 9.0])) == pytest.approx([0.0, 0.0, 0.06, 0.12])
+
+
+def test_rocks_at_the_wheels_jam_a_turn_by_their_heights() -> None:
+    body = replace(FOOTPRINT, climb_height_m=0.1)
+    # The wheels' middles move on a circle of half the diagonal of 0.51 and 0.57 m, 0.38 m.
+    at_a_wheel, under_the_belly, far = (rock_at((x, 0.0, 0.0), 0.1, 0.06) for x in (0.4, 0.05, 0.8))
+    flat, another = rock_at((0.0, 0.4, 0.0), 0.1, 0.025), rock_at((0.0, -0.4, 0.0), 0.1, 0.04)
+    assert jam(remembered(), np.zeros(2), body) == 0.0
+    assert jam(remembered(at_a_wheel, under_the_belly, far, flat), np.zeros(2), body) == pytest.approx(0.6)
+    assert jam(remembered(at_a_wheel, another), np.zeros(2), body) == pytest.approx(1.0)
+
+
+def remembered(*rocks: PerceivedRock) -> RockMemory:
+    """Rocks seen once."""
+    seen = Observation(0.0, rocks, np.empty((0, 0), dtype=np.str_), np.zeros((0, 0, 2)), np.zeros((0, 2)))
+    return remember(empty_memory(np.zeros(2)), seen, np.array([-2.0, 0.0])).rocks
+
+
+@pytest.mark.parametrize(("heading_deg", "side"), [(60.0, 1.0), (-60.0, -1.0)])
+def test_a_way_round_sets_out_to_the_side_that_the_rover_looks_to(heading_deg: float, side: float) -> None:
+    # A wall across the way is as long to both sides, but for a hair.
+    wall = table(*((2.5, y - 0.02 * side, 0.3) for y in np.arange(-2.0, 2.1, 0.4)))
+    place = Place((0.0, 0.0), float(np.deg2rad(heading_deg)), (6.0, 0.0), 0.5)
+    memory = replace(empty_memory(np.zeros(2)), cells=SEEN)
+    found = choose(memory, wall, place, Models(FOOTPRINT), detour=False)
+    assert found.way is not None
+    way = found.way.waypoints_w
+    assert side * way[np.abs(way[:, 1]).argmax(), 1] > 0.5
 
 
 @settings(deadline=None, max_examples=25)

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from msgspec import structs
 
 from planner import mobility, navigator
-from planner.obstacle_map import DriveModel, distance_to, fence, obstacles
+from planner.obstacle_map import STEREO_DRIVE, DriveModel, distance_to, fence, obstacles
 from planner.terrain_map import empty_memory, remember, rock_at
 from planner.track import NO_TRACK, STEP_M, note, way_back
 from tests.planner_factory import FOOTPRINT, DiscWorld, look, pose_at
@@ -29,11 +29,11 @@ def driven(places: list[tuple[float, float, float]]) -> FloatArray:
     return track
 
 
-def table_of(*rocks: PerceivedRock) -> FloatArray:
+def table_of(*rocks: PerceivedRock, drive: DriveModel = DriveModel()) -> FloatArray:  # noqa: B008 - frozen
     """Obstacles that one look at rocks makes."""
     seen = Observation(0.0, rocks, np.empty((0, 0), dtype=np.str_), np.zeros((0, 0, 2)), np.zeros((0, 2)))
     memory = remember(empty_memory(np.zeros(2)), seen, np.zeros(2))
-    return obstacles(memory.rocks, DriveModel(), CLIMB_M)
+    return obstacles(memory.rocks, drive, CLIMB_M)
 
 
 def test_the_track_grows_by_steps_and_shrinks_where_it_is_backed_out_of() -> None:
@@ -233,6 +233,9 @@ def test_touching_pieces_count_as_the_rock_that_they_make() -> None:
     assert not apart[:, 6].any()
     small = table_of(rock_at((2.0, 0.0, 0.0), 0.08, 0.04), rock_at((2.0, 0.08, 0.0), 0.08, 0.04))
     assert not small[:, 6].any(), "together they are still low"
+    by_two_eyes = table_of(piece, other, drive=STEREO_DRIVE)
+    assert len(by_two_eyes) == 2, "two eyes measure how high each of them is"
+    assert not by_two_eyes[:, 6].any()
 
 
 def test_near_views_undo_many_far_ones() -> None:
