@@ -241,12 +241,14 @@ def _plot_claim(axes: Axes, row: dict[str, Any]) -> None:
 
 
 def _plot_nees(axes: Axes, drives: list[dict[str, Any]]) -> None:
-    count = min(len(row["rows"]) for row in drives) - 1
-    table = np.array([row["rows"][:count] for row in drives])
-    nees = np.array([_nees(table[:, k]).mean() for k in range(count)])
+    steps = range(max(len(row["rows"]) for row in drives) - 1)
+    going = [np.array([row["rows"][k] for row in drives if len(row["rows"]) > k + 1]) for k in steps]
+    # A drive that ended early counts as far as it went; where most have ended there is no mean of the series.
+    going = [table for table in going if 2 * len(table) > len(drives)]
     low, high = chi2.ppf([0.025, 0.975], 2 * len(drives)) / len(drives)
     axes.axhspan(low, high, color="tab:green", alpha=0.2, label="95 % band")
-    axes.plot(table[:, :, 0].mean(axis=0), nees, color="tab:blue", label=f"mean NEES of {len(drives)} drives")
+    way, nees = ([float(f(table).mean()) for table in going] for f in (lambda table: table[:, 0], _nees))
+    axes.plot(way, nees, color="tab:blue", label=f"mean NEES of {len(drives)} drives")
     axes.set(xlabel="way driven, m", ylabel="NEES of the place, mean", ylim=(0.0, None))
     axes.legend(fontsize=7)
 
