@@ -60,7 +60,7 @@ class DriveModel:
 
 # Two eyes measure how high a piece is; one takes the height from the breadth, and a piece for a low rock. What is
 # believed better needs less of a margin elsewhere: more rocks are hard, and low ones, which hold wheels, cost more.
-STEREO_DRIVE = DriveModel(touching=0.0, low_weight=1.2, belly_share=1.1)
+STEREO_DRIVE = DriveModel(touching=0.0, low_weight=1.2, belly_share=1.08)
 
 
 @dataclass(frozen=True)
