@@ -73,6 +73,10 @@ class MemoryModel:
     cut_weight: float = 0.0005  # of a view that runs out of the picture ...
     cut_sds: float = 5.0  # ... whose height is so many times less sure
     most_weight: float = 4.0
+    full_m: float = 1.3  # nearer views weigh no more: at the foot of the picture rocks fall into pieces
+    piece_share: float = 0.7  # a view so much shorter than what was seen whole from near by shows a piece of it ...
+    whole_m: float = 3.0
+    piece_weight: float = 0.1  # ... and tells so much less of its size
     missed_loss: float = 0.8  # log-odds of a rock that should have been seen
     drop_below: float = -1.4
     most_log_odds: float = 4.0
@@ -168,7 +172,7 @@ def _views(observation: Observation, viewpoint_w: FloatArray, model: MemoryModel
         height,
         height_sd,
         np.array([rock.yaw_rad + (0.0 if rock.length_m >= rock.width_m else np.pi / 2) for rock in seen]),
-        np.where(cut, model.cut_weight, 1.0) / np.maximum(distance, 1.0) ** 4,
+        np.where(cut, model.cut_weight, 1.0) / np.maximum(distance, model.full_m) ** 4,
         np.log(certainty / (1.0 - certainty)),
         np.full(count, observation.time_s),
     )
@@ -205,7 +209,9 @@ def _fuse(rocks: RockMemory, views: RockMemory, match: Index, model: MemoryModel
     grown = np.trace(covariance, axis1=1, axis2=2) > old_trace
     covariance = np.where(grown[:, None, None], old.covariance, covariance)
     # Far views mix up neighbours with a certainty of their own: near ones must be able to undo many of them.
-    share = new.weight / (old.weight + new.weight)
+    piece = (new.length_m < model.piece_share * old.length_m) & (old.weight > model.whole_m**-4)
+    told = np.where(piece, model.piece_weight, 1.0) * new.weight
+    share = told / (old.weight + told)
     centre = old.centre_w + np.einsum("nij,nj->ni", gain, new.centre_w - old.centre_w)
     yaw = old.yaw_rad + share * _half_turn(new.yaw_rad - old.yaw_rad)
     gained = np.minimum(old.log_odds + model.seen_gain * new.certainty, model.most_log_odds)
@@ -217,7 +223,7 @@ def _fuse(rocks: RockMemory, views: RockMemory, match: Index, model: MemoryModel
         old.height_m + share * (new.height_m - old.height_m),
         old.height_sd_m + share * (new.height_sd_m - old.height_sd_m),  # views share errors: it does not shrink
         yaw,
-        np.minimum(old.weight + new.weight, model.most_weight),
+        np.minimum(old.weight + told, model.most_weight),
         gained,
         new.seen_s,
     )

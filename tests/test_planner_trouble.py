@@ -238,6 +238,23 @@ def test_touching_pieces_count_as_the_rock_that_they_make() -> None:
     assert not by_two_eyes[:, 6].any()
 
 
+def test_a_piece_seen_from_near_by_does_not_shrink_what_was_seen_whole() -> None:
+    def remembered(first_m: float) -> float:
+        """Height after a view of the whole from ``first_m`` and three of a piece of it from 1.4 m."""
+        whole = structs.replace(rock_at((6.0, 0.0, 0.0), 0.4, 0.12, range_m=first_m), height_sd_m=0.012)
+        piece = structs.replace(rock_at((6.0, 0.0, 0.0), 0.2, 0.05, range_m=1.4), height_sd_m=0.008)
+        memory, none = empty_memory(np.zeros(2)), np.empty((0, 0), dtype=np.str_)
+        for n, (rock, x) in enumerate([(whole, 6.0 - first_m), *[(piece, 4.6)] * 3]):
+            seen = Observation(float(n), (rock,), none, np.zeros((0, 0, 2)), np.zeros((0, 2)))
+            memory = remember(memory, seen, np.array([x, 0.0]))
+        assert len(memory.rocks) == 1
+        return float(memory.rocks.height_m[0])
+
+    # Weights by hand: 2^-4 = 0.0625 of the whole, 3 times 0.1 * 1.4^-4 = 0.078 of the pieces.
+    assert remembered(2.0) == pytest.approx((0.0625 * 0.12 + 0.078 * 0.05) / 0.1405, abs=0.001)
+    assert remembered(4.0) < 0.053, "what was seen from afar only may have been two rocks"
+
+
 def test_near_views_undo_many_far_ones() -> None:
     memory = empty_memory(np.zeros(2))
     far = structs.replace(rock_at((6.0, 0.0, 0.0), 0.3, 0.20, range_m=6.0), height_sd_m=0.01)
