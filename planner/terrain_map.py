@@ -73,10 +73,10 @@ class MemoryModel:
     cut_weight: float = 0.0005  # of a view that runs out of the picture ...
     cut_sds: float = 5.0  # ... whose height is so many times less sure
     most_weight: float = 4.0
-    full_m: float = 1.3  # nearer views weigh no more: at the foot of the picture rocks fall into pieces
+    full_m: float = 1.0  # nearer views weigh no more
     piece_share: float = 0.7  # a view so much shorter than what was seen whole from near by shows a piece of it ...
     whole_m: float = 3.0
-    piece_weight: float = 0.1  # ... and tells so much less of its size
+    piece_weight: float = 1.0  # ... and tells so much less of its size
     missed_loss: float = 0.8  # log-odds of a rock that should have been seen
     drop_below: float = -1.4
     most_log_odds: float = 4.0
@@ -86,6 +86,10 @@ class MemoryModel:
     height_sd_rad: float = 0.005
     least_height_m: float = 0.03  # lower ones are no rocks to the wheels
     capacity: int = 800
+
+
+# At the foot of the picture rocks fall into pieces; what two eyes saw whole before holds.
+STEREO_MEMORY = MemoryModel(full_m=1.3, piece_weight=0.1)
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,6 +16,7 @@ from planner.corridor import CAMERA_SPEED, SpeedModel
 from planner.navigator import NavigatorModel
 from planner.obstacle_map import STEREO_DRIVE, DriveModel
 from planner.route_following import Following
+from planner.terrain_map import STEREO_MEMORY, MemoryModel
 from rover_sim.autopilot.modes import Severity
 from rover_sim.autopilot.tuning import tuned_autopilot
 from rover_sim.driven_rover import (
@@ -248,9 +249,10 @@ class Traverse:
         """A pilot that sees and plans."""
         scenario = self.world.scenario
         goal = scenario.goal
-        model = NavigatorModel(speed=SpeedModel() if "laser" in self._eyes else CAMERA_SPEED)
+        memory, drive = (STEREO_MEMORY, STEREO_DRIVE) if scenario.sensors.stereo else (MemoryModel(), DriveModel())
+        model = NavigatorModel(memory, speed=SpeedModel() if "laser" in self._eyes else CAMERA_SPEED)
         area = self.world.ground.x_limits_m, self.world.ground.y_limits_m
-        body, drive = self.rover.footprint, STEREO_DRIVE if scenario.sensors.stereo else DriveModel()
+        body = self.rover.footprint
         plan = navigator.begin(
             goal.position_m,
             goal.radius_m,

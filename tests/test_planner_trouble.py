@@ -12,7 +12,7 @@ from msgspec import structs
 
 from planner import mobility, navigator
 from planner.obstacle_map import STEREO_DRIVE, DriveModel, distance_to, fence, obstacles
-from planner.terrain_map import empty_memory, remember, rock_at
+from planner.terrain_map import STEREO_MEMORY, empty_memory, remember, rock_at
 from planner.track import NO_TRACK, STEP_M, note, way_back
 from tests.planner_factory import FOOTPRINT, DiscWorld, look, pose_at
 from worlds.geometry import quaternion_from_euler
@@ -246,7 +246,7 @@ def test_a_piece_seen_from_near_by_does_not_shrink_what_was_seen_whole() -> None
         memory, none = empty_memory(np.zeros(2)), np.empty((0, 0), dtype=np.str_)
         for n, (rock, x) in enumerate([(whole, 6.0 - first_m), *[(piece, 4.6)] * 3]):
             seen = Observation(float(n), (rock,), none, np.zeros((0, 0, 2)), np.zeros((0, 2)))
-            memory = remember(memory, seen, np.array([x, 0.0]))
+            memory = remember(memory, seen, np.array([x, 0.0]), STEREO_MEMORY)
         assert len(memory.rocks) == 1
         return float(memory.rocks.height_m[0])
 
