@@ -124,7 +124,7 @@ def test_every_number_has_a_range() -> None:
         camera=camera,
         sensors=sensors,
         route=RouteTable(middle_m=(0.0, 0.0)),
-        risk=RiskTable(limit=0.5, soils=("firm",), weights=(1.0,)),
+        risk=RiskTable(limit=0.5, soils=("firm",), weights=(1.0,), roughness_m=0.01),
         imu=Imu(roughness_cm3=64.0),
         magnetometer=Magnetometer(field_uT=(20.0, 0.0, 40.0)),
         barometer=Barometer(),
