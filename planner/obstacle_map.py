@@ -157,8 +157,6 @@ def _joined(low: RockMemory, model: DriveModel, climb_height_m: float) -> FloatA
 
     Rocks lie apart; what touches in the belief may be one rock that was seen in pieces.
     """
-    if model.touching <= 0.0:
-        return NO_OBSTACLES
     radius = 0.25 * (low.length_m + low.width_m)
     first, second = touching(low.centre_w, radius, model.touching, climb_height_m / HEIGHT_OVER_WIDTH).T
     one = np.ones(len(first))
