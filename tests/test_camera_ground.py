@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from rover_sim.scoring import true_classes
-from rover_sim.sim.clasts import clast_ids, strength_of
+from rover_sim.sim.clasts import clast_ids, pebble_map, strength_of
 from rover_sim.sim.ground_textures import GROUND_SIZE_PX, GROUND_TILE_M, RIPPLE_CYCLES, Pebbles, ground_look
 from rover_sim.sim.renderer import RenderedImage, make_renderer
 from rover_sim.sim.textures import make_pyramid
@@ -75,7 +75,7 @@ def test_a_pebble_counts_where_it_covers_a_pixel_and_the_texture_shows(
     flat[:20, :20] = 7  # a rock stays what it is
     picture = RenderedImage(np.zeros((240, 320, 3), np.uint8), np.full((240, 320), 3.0, np.float32), flat)
     drift = make_pyramid(np.full((256, 256, 4), strength), 23.0)
-    ids = clast_ids(picture, camera, pose, one_pebble(radius_px), strength_of(drift), 8)
+    ids = clast_ids(picture, camera, pose, pebble_map(one_pebble(radius_px)), strength_of(drift), 8)
     assert (ids[:20, :20] == 7).all()
     found = ids == 8
     assert bool(found.any()) == shown

@@ -12,8 +12,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import StrEnum
 from math import pi
+from typing import NamedTuple
 
 import numpy as np
+from numba import njit
 
 from rover_sim.sim.rover import RoverModel
 from rover_sim.sim.vehicle_state import VehicleState
@@ -34,7 +36,6 @@ class Kind(StrEnum):
 
 KINDS = tuple(Kind)
 TRACTION_LOSS, EMBEDDING, WHEEL_TRAP, SUPPORT_LOSS, HIGH_CENTRED, TIP_OVER = range(len(KINDS))  # rows
-_SLIPPING = np.s_[TRACTION_LOSS : EMBEDDING + 1]
 
 
 @dataclass(frozen=True)
@@ -47,8 +48,7 @@ class MobilityEvent:
     wheel: int | None  # place in the rover file; None: the whole rover
 
 
-@dataclass(frozen=True)
-class MobilityLimits:
+class MobilityLimits(NamedTuple):
     """Where events begin and end."""
 
     slip: float = 0.40  # the stop limit; a rover on 15 degrees of loose sand stays just under it
@@ -71,8 +71,7 @@ class MobilityLimits:
     ended_s: float = 0.5  # the laxer level must be kept for this long
 
 
-@dataclass(frozen=True, eq=False)
-class Standards:
+class Standards(NamedTuple):
     """The limits, and what they are measured in: one rover under one gravity."""
 
     limits: MobilityLimits
@@ -80,15 +79,15 @@ class Standards:
     shear_radius_m: float
     static_load_N: float  # of a wheel
     sideways_m: FloatArray  # (wheels,) to the left, times the effective track ratio
-    needed: FloatArray  # (kinds, 1) time (s) or wheel travel (m) for which a condition must hold
+    needed: FloatArray  # (kinds,) time (s) or wheel travel (m) for which a condition must hold
 
     @classmethod
     def of(cls, rover: RoverModel, gravity_m_s2: float, limits: MobilityLimits) -> Standards:
         """The standards of a rover; its weight rests equally on all wheels."""
         places = np.array(rover.wheel.positions_m)
         radius, shear_radius = rover.wheel.radius_m, rover.wheel_shape().shear_radius_m
-        needed = np.zeros((len(KINDS), 1))
-        needed[_SLIPPING] = limits.slip_revolutions * 2.0 * pi * shear_radius
+        needed = np.zeros(len(KINDS))
+        needed[[TRACTION_LOSS, EMBEDDING]] = limits.slip_revolutions * 2.0 * pi * shear_radius
         needed[WHEEL_TRAP] = limits.vain_radii * radius
         needed[SUPPORT_LOSS] = limits.unloaded_s
         needed[HIGH_CENTRED] = limits.resting_s
@@ -102,25 +101,13 @@ class Standards:
         )
 
 
-@dataclass(frozen=True, eq=False)
-class Memory:
+class Memory(NamedTuple):
     """What is kept from look to look; arrays are (kinds, wheels + 1), the last column the whole rover."""
 
     active: BoolArray
     built_up: FloatArray  # toward the beginning, s or m of wheel travel
     faded_s: FloatArray  # toward the end
     least_sinkage_m: FloatArray  # (wheels,) since slip went over the limit
-
-
-@dataclass(frozen=True, eq=False)
-class Signs:
-    """What one look shows; arrays as in `Memory`."""
-
-    on: BoolArray
-    off: BoolArray
-    progress: FloatArray  # of what builds up, s or m
-    mute: BoolArray  # says nothing, as the wheel stands or hangs
-    least_sinkage_m: FloatArray  # (wheels,)
 
 
 def begin(wheels: int) -> Memory:
@@ -134,43 +121,110 @@ def watch(
     memory: Memory, state: VehicleState, standards: Standards, step_s: float
 ) -> tuple[Memory, tuple[MobilityEvent, ...]]:
     """The memory after a look at ``state``, ``step_s`` after the one before, and the events that begin with it."""
-    signs = read_signs(memory, state, standards, step_s)
-    built_up = np.where(signs.mute, memory.built_up, (memory.built_up + signs.progress) * signs.on)
-    faded = np.where(signs.mute, memory.faded_s, (memory.faded_s + step_s) * signs.off)
-    begun = (built_up >= standards.needed) & signs.on & ~(memory.active | signs.mute)
-    active = begun | (memory.active & (faded < standards.limits.ended_s))
-    after = Memory(active, built_up * ~active, faded, signs.least_sinkage_m)
+    rim, hub = rolling_speeds(state, standards)
+    after, begun = _look(
+        memory,
+        standards,
+        rim,
+        hub,
+        state.normal_force_N,
+        state.sinkage_m,
+        state.pit_depth_m,
+        state.wedged,
+        state.belly_clearance_m,
+        state.tip_angle_rad,
+        state.tip_rate_rad_s,
+        step_s,
+    )
     return after, tuple(_event(row, column, state) for row, column in np.argwhere(begun)) if begun.any() else ()
 
 
-def read_signs(memory: Memory, state: VehicleState, standards: Standards, step_s: float) -> Signs:
-    """Which conditions hold and which have ceased, wheel by wheel."""
-    limits, shape = standards.limits, memory.active.shape
-    on, off, mute = (np.zeros(shape, dtype=np.bool_) for _ in range(3))
-    progress = np.full(shape, step_s)
-    rim, hub = rolling_speeds(state, standards)
-    speed, lost = np.maximum(np.abs(rim), np.abs(hub)), np.abs(rim - hub)
-    slip = lost / np.maximum(speed, limits.least_speed_m_s)
-    load = state.normal_force_N / standards.static_load_N
-    slipping, gripping = slip >= limits.slip, slip < limits.slip_over
-    least = np.where(slipping, np.minimum(memory.least_sinkage_m, state.sinkage_m), np.inf)
-    pit = state.pit_depth_m / standards.radius_m
+@njit(cache=True)
+def _look(
+    before: Memory,
+    standards: Standards,
+    rim: FloatArray,
+    hub: FloatArray,
+    load_N: FloatArray,
+    sinkage_m: FloatArray,
+    pit_m: FloatArray,
+    wedged: BoolArray,
+    clearance_m: float,
+    tip_angle: FloatArray,
+    tip_rate: FloatArray,
+    step_s: float,
+) -> tuple[Memory, BoolArray]:
+    """The memory after a look, and which events (kinds, wheels + 1) begin: the conditions of each kind, one by one."""
+    limits, wheels = standards.limits, len(rim)
+    after = Memory(
+        np.zeros_like(before.active),
+        np.zeros_like(before.built_up),
+        np.zeros_like(before.faded_s),
+        np.full(wheels, np.inf),
+    )
+    begun = np.zeros_like(before.active)
+    for i in range(wheels):
+        speed, lost = max(abs(rim[i]), abs(hub[i])), abs(rim[i] - hub[i])
+        slip, load = lost / max(speed, limits.least_speed_m_s), load_N[i] / standards.static_load_N
+        slipping, gripping = slip >= limits.slip, slip < limits.slip_over
+        mute = speed < limits.least_speed_m_s or load < limits.load  # says nothing, as the wheel stands or hangs
+        if slipping:
+            after.least_sinkage_m[i] = min(before.least_sinkage_m[i], sinkage_m[i])
+        grown = slipping and sinkage_m[i] - after.least_sinkage_m[i] >= limits.growth_m
+        pit, in_vain = pit_m[i] / standards.radius_m, lost if abs(rim[i]) > abs(hub[i]) else 0.0
+        if mute:
+            for kind in (TRACTION_LOSS, EMBEDDING):
+                _keep(before, after, kind, i, limits.ended_s)
+        else:
+            travel, ended = speed * step_s, limits.ended_s
+            _feel(before, after, begun, TRACTION_LOSS, i, slipping, gripping, travel, standards.needed, step_s, ended)
+            _feel(before, after, begun, EMBEDDING, i, grown, gripping, travel, standards.needed, step_s, ended)
+        on, off = pit > limits.pit_radii or wedged[i], pit < limits.pit_over_radii and not wedged[i]
+        travel = in_vain * step_s
+        _feel(before, after, begun, WHEEL_TRAP, i, on, off, travel, standards.needed, step_s, limits.ended_s)
+        on, off = load < limits.load, load > limits.load_over
+        _feel(before, after, begun, SUPPORT_LOSS, i, on, off, step_s, standards.needed, step_s, limits.ended_s)
+    on, off = clearance_m <= limits.clearance_m, clearance_m > limits.clearance_over_m
+    _feel(before, after, begun, HIGH_CENTRED, wheels, on, off, step_s, standards.needed, step_s, limits.ended_s)
+    left = float(np.min(tip_angle - limits.foresight_s * tip_rate))
+    on, off = left < limits.tip_angle_rad, left > limits.tip_angle_over_rad
+    _feel(before, after, begun, TIP_OVER, wheels, on, off, step_s, standards.needed, step_s, limits.ended_s)
+    return after, begun
 
-    on[TRACTION_LOSS, :-1], off[TRACTION_LOSS, :-1] = slipping, gripping
-    on[WHEEL_TRAP, :-1] = (pit > limits.pit_radii) | state.wedged
-    off[WHEEL_TRAP, :-1] = (pit < limits.pit_over_radii) & ~state.wedged
-    on[SUPPORT_LOSS, :-1], off[SUPPORT_LOSS, :-1] = load < limits.load, load > limits.load_over
-    on[EMBEDDING, :-1] = slipping & (state.sinkage_m - least >= limits.growth_m)
-    off[EMBEDDING, :-1] = gripping
-    on[HIGH_CENTRED, -1] = state.belly_clearance_m <= limits.clearance_m
-    off[HIGH_CENTRED, -1] = state.belly_clearance_m > limits.clearance_over_m
-    left = float((state.tip_angle_rad - limits.foresight_s * state.tip_rate_rad_s).min())
-    on[TIP_OVER, -1], off[TIP_OVER, -1] = left < limits.tip_angle_rad, left > limits.tip_angle_over_rad
 
-    progress[_SLIPPING, :-1] = speed * step_s
-    progress[WHEEL_TRAP, :-1] = np.where(np.abs(rim) > np.abs(hub), lost, 0.0) * step_s
-    mute[_SLIPPING, :-1] = (speed < limits.least_speed_m_s) | (load < limits.load)
-    return Signs(on, off, progress, mute, least)
+@njit(cache=True)
+def _feel(
+    before: Memory,
+    after: Memory,
+    begun: BoolArray,
+    kind: int,
+    column: int,
+    on: bool,
+    off: bool,
+    progress: float,
+    needed: FloatArray,
+    step_s: float,
+    ended_s: float,
+) -> None:
+    """One condition of one wheel, or of the rover: whether it holds, or has ceased, and how much builds up."""
+    built_up = before.built_up[kind, column] + progress if on else 0.0
+    faded = before.faded_s[kind, column] + step_s if off else 0.0
+    lasting = before.active[kind, column]
+    begun[kind, column] = on and not lasting and built_up >= needed[kind]
+    active = begun[kind, column] or (lasting and faded < ended_s)
+    after.active[kind, column] = active
+    after.built_up[kind, column] = 0.0 if active else built_up
+    after.faded_s[kind, column] = faded
+
+
+@njit(cache=True)
+def _keep(before: Memory, after: Memory, kind: int, column: int, ended_s: float) -> None:
+    """A condition of which nothing can be said now."""
+    faded = before.faded_s[kind, column]
+    active = before.active[kind, column] and faded < ended_s
+    after.active[kind, column] = active
+    after.built_up[kind, column] = 0.0 if active else before.built_up[kind, column]
+    after.faded_s[kind, column] = faded
 
 
 def rolling_speeds(state: VehicleState, standards: Standards) -> tuple[FloatArray, FloatArray]:
@@ -186,7 +240,7 @@ def rolling_speeds(state: VehicleState, standards: Standards) -> tuple[FloatArra
 
 def active_kinds(memory: Memory) -> dict[Kind, bool]:
     """Which kinds of events last at the moment, at any wheel."""
-    lasting: list[bool] = np.any(memory.active, axis=1).tolist()
+    lasting = np.asarray(memory.active.any(axis=1)).tolist()
     return dict(zip(KINDS, lasting, strict=True))
 
 

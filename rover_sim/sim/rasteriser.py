@@ -10,7 +10,7 @@ import numpy as np
 from rover_sim.sim import raster_kernels as raster
 from rover_sim.sim import shade_kernels as shading
 from rover_sim.sim.appearance import draw_looks, make_light
-from rover_sim.sim.clasts import clast_ids, strength_of
+from rover_sim.sim.clasts import clast_ids, pebble_map, strength_of
 from rover_sim.sim.ground_textures import ground_look
 from rover_sim.sim.raster_scene import View, ground_plane, make_apron, make_tiles
 from rover_sim.sim.renderer import RenderedImage, check_camera, pose_rotation
@@ -31,7 +31,7 @@ class Rasteriser:
         self._ruts = ruts
         rng = np.random.default_rng([world.seed, 0xCA3E7A])
         look = ground_look(world.scenario.terrain.texture, world.scenario.rocks.cfa, rng)
-        self._fine, self._pebbles, self._drift = look.pyramid, look.pebbles, drift_texture(rng)
+        self._fine, self._pebbles, self._drift = look.pyramid, pebble_map(look.pebbles), drift_texture(rng)
         self._strength, self._solid = strength_of(self._drift), rock_texture(rng)
         self._light = make_light(world.scenario.sun)
         self._store = StoneStore(world.shapes)
