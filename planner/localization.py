@@ -115,8 +115,11 @@ class LocalizationState:
     @property
     def place_covariance(self) -> FloatArray:
         """Covariance (3, 3) of the place, m^2: by chance, and by distances that are all off alike."""
+        by_chance = self.covariance[: Z + 1, : Z + 1]
+        if self.scale_sd == 0.0:  # no distances are seen
+            return by_chance.copy()
         by_scale = self.scale_sd * (self.carried.passed @ self.by_scale)[: Z + 1]
-        return np.asarray(self.covariance[: Z + 1, : Z + 1] + np.outer(by_scale, by_scale))
+        return np.asarray(by_chance + np.outer(by_scale, by_scale))
 
 
 def start(

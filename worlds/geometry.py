@@ -21,6 +21,12 @@ def rotation_from_quaternion(quaternion: FloatArray) -> FloatArray:
     )
 
 
+def cross(a: FloatArray, b: FloatArray) -> FloatArray:
+    """Cross product (3,) of two vectors (3,); NumPy's own costs ten times as much."""
+    (ax, ay, az), (bx, by, bz) = a.tolist(), b.tolist()
+    return np.array([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx])
+
+
 def quaternion_from_rotation(rotation: FloatArray) -> FloatArray:
     """Unit quaternion (4,) with w >= 0 of a rotation matrix (3, 3), by the largest component."""
     m = rotation

@@ -214,7 +214,7 @@ class Autopilot:
     def _watch(self, time_s: float, estimate: PoseEstimate | None, readings: SensorReadings) -> None:
         """Everything that may take the wheel from whoever drives, other than what makes driving impossible."""
         alarms = [self.stations.update(time_s, self.mode), self.battery.update(time_s, readings.battery)]
-        if estimate is not None and all(map(math.isfinite, estimate.pose.position_w)):
+        if estimate is not None and all(map(math.isfinite, estimate.pose.position_w.tolist())):
             alarms.append(self.fence.update(time_s, estimate, self.home_w, armed=self.armed))
             if self.armed and self.mode is not Mode.SMART_RETURN:
                 self.returns.note(estimate.pose.position_w)

@@ -31,7 +31,7 @@ class BatteryGuard:
         if reading is None:
             return None
         self.reading = reading
-        levels = battery_levels(self._parameters)
+        levels = self._parameters.derived(battery_levels)
         below = [number for number, level in enumerate(levels, 1) if self._is_below(time_s, number, level, reading)]
         reached = max(below, default=0)
         if reached <= self.level:
@@ -42,7 +42,7 @@ class BatteryGuard:
     def _is_below(self, time_s: float, number: int, level: BatteryLevel, reading: BatteryReading) -> bool:
         if reading.voltage_v < level.voltage_v:
             since_s = self._below_s.setdefault(number, time_s)
-            if time_s - since_s >= battery_patience_s(self._parameters):
+            if time_s - since_s >= self._parameters.derived(battery_patience_s):
                 return True
         else:
             self._below_s.pop(number, None)

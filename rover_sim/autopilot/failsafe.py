@@ -73,13 +73,9 @@ class Failsafe:
         self._tilt_rad, tilt_limit_rad = tilt(estimate), _tilt_limit_rad(parameters)
         if self._tilt_rad <= tilt_limit_rad:
             self._begun_rad = 0.0
-        limits = MonitorLimits(
-            slip=parameters["FS_SLIP_PCT"] / 100.0 if parameters["FS_SLIP_ENABLE"] else inf,
-            tilt_rad=max(tilt_limit_rad, self._begun_rad + _LEAN_MORE_RAD),
-            stuck_time_s=parameters["FS_STUCK_S"],
-        )
-        if not parameters["FS_STUCK_ENABLE"]:
-            limits = replace(limits, stuck_time_s=inf, vain_turn_rad=inf, treading_m=inf)
+        limits = parameters.derived(_monitor_limits)
+        if self._begun_rad + _LEAN_MORE_RAD > tilt_limit_rad:
+            limits = replace(limits, tilt_rad=self._begun_rad + _LEAN_MORE_RAD)
         wheels = readings.wheel_speed_rad_s
         self.monitor, advice = watch(self.monitor, estimate, wheels, commanded, self._footprint, limits)
         return self._judge(time_s, estimate, advice, parameters)
@@ -100,6 +96,18 @@ class Failsafe:
 
 def _tilt_limit_rad(parameters: ParameterTable) -> float:
     return radians(parameters["FS_TILT_DEG"]) if parameters["FS_TILT_ENABLE"] else inf
+
+
+def _monitor_limits(parameters: ParameterTable) -> MonitorLimits:
+    """Of a rover that did not lean when its task began."""
+    limits = MonitorLimits(
+        slip=parameters["FS_SLIP_PCT"] / 100.0 if parameters["FS_SLIP_ENABLE"] else inf,
+        tilt_rad=_tilt_limit_rad(parameters),
+        stuck_time_s=parameters["FS_STUCK_S"],
+    )
+    if parameters["FS_STUCK_ENABLE"]:
+        return limits
+    return replace(limits, stuck_time_s=inf, vain_turn_rad=inf, treading_m=inf)
 
 
 def _pose_fault(time_s: float, estimate: PoseEstimate | None, parameters: ParameterTable) -> str | None:

@@ -115,4 +115,4 @@ class FenceGuard:
 
     @property
     def _rules(self) -> FenceRules:
-        return fence_rules(self._parameters)
+        return self._parameters.derived(fence_rules)

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from typing import Any, TypeVar
+
+Derived = TypeVar("Derived")
 
 
 @dataclass(frozen=True)
@@ -42,6 +45,7 @@ class ParameterTable:
         self._table = {parameter.name: parameter for parameter in table}
         self._values = {parameter.name: float(parameter.default) for parameter in table}
         self.changes = 0  # so far
+        self._derived: dict[Callable[[ParameterTable], Any], Any] = {}
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -58,17 +62,26 @@ class ParameterTable:
         """The value, or a default where there is no such parameter."""
         return self._values.get(name, default)
 
+    def derived(self, rule: Callable[[ParameterTable], Derived]) -> Derived:
+        """What ``rule`` makes of the values, kept until one changes: rules are asked for at every control step."""
+        if rule not in self._derived:
+            self._derived[rule] = rule(self)
+        value: Derived = self._derived[rule]
+        return value
+
     def extend(self, table: Sequence[Parameter]) -> None:
         """Add parameters, such as those that only one kind of ground station reads; names that are there stay."""
         for parameter in table:
             if parameter.name not in self._table:
                 self._table[parameter.name] = parameter
                 self._values[parameter.name] = float(parameter.default)
+        self._derived.clear()
 
     def remove(self, names: Iterable[str]) -> None:
         """Take parameters out, such as those that another kind of autopilot calls differently."""
         for name in names:
             del self._table[name], self._values[name]
+        self._derived.clear()
 
     def takes(self, name: str, value: float) -> bool:
         """Whether a known parameter may have this value: NaN never, others within the limits."""
@@ -84,4 +97,5 @@ class ParameterTable:
             return False
         self._values[name] = float(round(value)) if self._table[name].integer else float(value)
         self.changes += 1
+        self._derived.clear()
         return True

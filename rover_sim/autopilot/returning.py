@@ -28,7 +28,7 @@ class ReturnPlaces:
         Rally points outside of the fence or too far away do not count, and places with a clear way go before others.
         Without any rally point, a rover that has broken out goes to the fence's return point, or home if there is none.
         """
-        with_home, limit_m = rally_rules(self._parameters)
+        with_home, limit_m = self._parameters.derived(rally_rules)
         rally = [
             place
             for place in self.rally_w
@@ -43,7 +43,7 @@ class ReturnPlaces:
 
     def note(self, position_w: FloatArray) -> None:
         """Remember that the armed rover is here."""
-        spacing_m, most = track_rules(self._parameters)
+        spacing_m, most = self._parameters.derived(track_rules)
         if most:
             self.track.add(position_w, spacing_m, most)
 

@@ -22,7 +22,7 @@ class StationGuard:
 
     def update(self, time_s: float, mode: Mode) -> Alarm | None:
         """Look at the time; a rover in Hold stays there, and one in Auto goes on where the rules say so."""
-        rules = station_rules(self._parameters)
+        rules = self._parameters.derived(station_rules)
         was = self.lost
         self.lost = rules.on and self._heard_s is not None and time_s - self._heard_s > rules.patience_s
         if self.lost and not was:

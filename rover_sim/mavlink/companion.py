@@ -83,7 +83,7 @@ class Companion:
     def owns_mission(self) -> bool | None:
         """Whether the vehicle's mission was uploaded here; None without a mission, or where ids are not told."""
         held = self.status.mission_id
-        return None if held == 0 else any(upload.opaque_id == held for upload in self._uploads)
+        return None if held == 0 else any(upload.opaque_id == held for upload in reversed(self._uploads))
 
     def upload(self, items: Sequence[WireItem], time_s: float) -> Upload:
         """Send a mission; while another is on its way it waits, and only the newest waits."""

@@ -16,7 +16,7 @@ from rover_sim.sim.faults import gnss_offset_w, sensor_lost
 from rover_sim.sim.rover import RoverModel
 from rover_sim.sim.table_sensors import TableSensors
 from worlds.fault_events import Event, LosableSensor
-from worlds.geometry import rotation_from_quaternion, wrap_angle
+from worlds.geometry import cross, rotation_from_quaternion, wrap_angle
 from worlds.types import BatteryReading, FloatArray, GnssReading, ImuReading, SensorReadings, Vector3, World
 
 _ACCELERATION_BIAS_SD = 0.02  # m/s^2, calibrated MEMS
@@ -118,7 +118,7 @@ class Sensors:
     def _body(self, rotation: FloatArray, raw: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Place and velocity (3,) of the body's origin."""
         offset = rotation @ self._centre_b
-        return raw[:3] - offset, raw[7:10] - np.cross(raw[10:13], offset)
+        return raw[:3] - offset, raw[7:10] - cross(raw[10:13], offset)
 
 
 def with_faults(sound: SensorReadings, events: Sequence[Event]) -> SensorReadings:

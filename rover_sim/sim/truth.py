@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from math import acos, hypot
 
 import numpy as np
+from numba import njit
 
 from rover_sim.sim import soil_kernels as kernel
 from rover_sim.sim.rover import Body, RoverModel
@@ -13,11 +14,10 @@ from rover_sim.sim.stability import force_angle, tip_angles
 from rover_sim.sim.support_polygon import outline
 from rover_sim.sim.surroundings import Surface, Surroundings
 from rover_sim.sim.vehicle_state import BodyContact, VehicleState
-from worlds.geometry import rotation_from_quaternion
-from worlds.types import BoolArray, FloatArray, HeightField, Pose, Vector3
+from worlds.geometry import cross, rotation_from_quaternion
+from worlds.types import BoolArray, FloatArray, HeightField, IntArray, Pose, Vector3
 
 Motion = tuple[Vector3, Vector3, Vector3]  # velocity and rate of the chassis' centre of mass, push of that step (N)
-_DOWN = np.array([0.0, 0.0, -1.0])
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,7 +25,7 @@ class Balance:
     """What tip-over is judged by, of one rover; worked out once, as even looking it up by the rover takes a while."""
 
     mass_kg: float  # of the whole rover
-    outline: list[int]  # wheels whose contacts span the polygon of support, clockwise from above
+    outline: IntArray  # wheels whose contacts span the polygon of support, clockwise from above
     inertia_kg_m2: FloatArray  # (3, 3) about the centre of mass, body axes
     level_measure: float  # the force-angle measure at rest on level ground
 
@@ -66,13 +66,18 @@ def observe(now: Snapshot) -> VehicleState:
     (_, ahead_y, _), (ahead_x, _, _), _ = rotation.tolist()  # axle x up: level
     level = max(hypot(ahead_x, ahead_y), 1e-9)
     directions = np.full((len(hubs), 2), (ahead_x / level, -ahead_y / level))
-    feet = hubs[now.balance.outline] - now.rover.wheel.radius_m * rotation[:, 2]
-    tip_angle, tip_rate = np.empty(len(feet)), np.empty(len(feet))
-    tip_angles(feet, now.centre_w, _DOWN, rate, tip_angle, tip_rate)
+    tip_angle, tip_rate, measure = _tipping(
+        hubs,
+        now.centre_w,
+        rotation,
+        rate,
+        (now.balance.outline, now.balance.inertia_kg_m2, now.rover.wheel.radius_m),
+        *_felt(now),
+    )
     return VehicleState(
         time_s=now.time_s,
         pose=Pose(position, now.raw[3:7].copy()),
-        linear_velocity_w=now.raw[7:10] - _cross(rate, offset),
+        linear_velocity_w=now.raw[7:10] - cross(rate, offset),
         angular_velocity_w=rate,
         hubs_w=hubs,
         wheel_speed_rad_s=wheel_speeds,
@@ -88,7 +93,7 @@ def observe(now: Snapshot) -> VehicleState:
         power_W=now.power_W,
         energy_J=now.energy_J,
         tilt_rad=acos(min(max(float(rotation[2, 2]), -1.0), 1.0)),
-        stability_margin=_stability(now, rotation, feet),
+        stability_margin=measure / now.balance.level_measure,
         tip_angle_rad=tip_angle,
         tip_rate_rad_s=tip_rate,
         belly_contact=now.belly_contact,
@@ -105,37 +110,55 @@ def _off_map(field: HeightField, places_w: FloatArray) -> bool:
     return not all(west <= x <= east and south <= y <= north for x, y, _ in places_w.tolist())
 
 
-def _stability(now: Snapshot, rotation: FloatArray, feet: FloatArray) -> float:
-    """Force-angle measure divided by its value at rest on level ground."""
+def _felt(now: Snapshot) -> tuple[Vector3, Vector3]:
+    """Force (N) on the rover without the ground's, and how fast its rate changes (rad/s2), over the last steps."""
     mass_kg, steps = now.balance.mass_kg, max(len(now.motion) - 1, 1)
     (old_velocity, old_rate, _), (velocity, rate, _) = now.motion[0], now.motion[-1]
     span = steps * now.dt
-    pushes = [0.0, 0.0, 0.0]
+    px = py = pz = 0.0
     for _, _, push in now.motion:
         if any(push):
-            pushes = [total + share / steps for total, share in zip(pushes, push, strict=True)]
-    fall = (0.0, 0.0, -now.gravity_m_s2)
-    force = np.array(
-        [
-            mass_kg * (g - (new - old) / span) + push
-            for g, new, old, push in zip(fall, velocity, old_velocity, pushes, strict=True)
-        ]
-    )
-    turning = np.array([(new - old) / span for new, old in zip(rate, old_rate, strict=True)])
-    moment = -rotation @ (now.balance.inertia_kg_m2 @ (turning @ rotation))
-    margin = force_angle(feet, now.centre_w, force, moment)
-    return margin / now.balance.level_measure
+            px, py, pz = px + push[0] / steps, py + push[1] / steps, pz + push[2] / steps
+    ax, ay, az = ((new - old) / span for new, old in zip(velocity, old_velocity, strict=True))
+    x, y, z = ((new - old) / span for new, old in zip(rate, old_rate, strict=True))
+    return (px - mass_kg * ax, py - mass_kg * ay, mass_kg * (-now.gravity_m_s2 - az) + pz), (x, y, z)
 
 
-def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Of two vectors; numpy's own costs ten times as much."""
-    (ax, ay, az), (bx, by, bz) = a.tolist(), b.tolist()
-    return np.array([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx])
+@njit(cache=True)
+def _tipping(
+    hubs: FloatArray,
+    centre: FloatArray,
+    rotation: FloatArray,
+    rate: FloatArray,
+    rover: tuple[IntArray, FloatArray, float],
+    force: Vector3,
+    turning: Vector3,
+) -> tuple[FloatArray, FloatArray, float]:
+    """Angle left to each tip-over axis and the rate of falling over it (m,), and the force-angle measure.
+
+    ``rover``: outline and inertia of its `Balance`, and the radius of its wheels.
+    """
+    outline, inertia, radius = rover
+    feet = np.empty((len(outline), 3))
+    angles, rates = np.empty(len(outline)), np.empty(len(outline))
+    for i in range(len(outline)):
+        for axis in range(3):
+            feet[i, axis] = hubs[outline[i], axis] - radius * rotation[axis, 2]
+    tip_angles(feet, centre, np.array([0.0, 0.0, -1.0]), rate, angles, rates)
+    spin, moment = np.zeros(3), np.zeros(3)  # body axes; world
+    for i in range(3):
+        for j in range(3):
+            spin[i] += turning[j] * rotation[j, i]
+    for i in range(3):
+        for j in range(3):
+            for k in range(3):
+                moment[i] -= rotation[i, j] * inertia[j, k] * spin[k]
+    return angles, rates, force_angle(feet, centre, np.array(force), moment)
 
 
 def balance_of(rover: RoverModel, gravity_m_s2: float) -> Balance:
     """Polygon of support, inertia and measure at rest of a rover."""
-    around = list(outline(np.array(rover.wheel.positions_m)[:, :2]))
+    around = np.array(outline(np.array(rover.wheel.positions_m)[:, :2]), dtype=np.int32)
     feet = np.array(rover.wheel.positions_m)[around] - [0.0, 0.0, rover.wheel.radius_m]
     weight = np.array([0.0, 0.0, -rover.mass_kg * gravity_m_s2])
     level = float(force_angle(feet, np.array(rover.centre_of_mass_b), weight, np.zeros(3)))
