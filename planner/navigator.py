@@ -86,6 +86,7 @@ class NavigatorState:
     avoid_w: FloatArray = field(default_factory=lambda: np.zeros((0, 3)))  # (M, 3) x, y, radius of trouble met
     track_w: FloatArray = field(default_factory=lambda: NO_TRACK)  # (N, 3) poses driven, see `planner.track`
     fence: FloatArray = field(default_factory=lambda: NO_OBSTACLES)  # (K, 7) round the ground that may be driven on
+    forbidden: FloatArray = field(default_factory=lambda: NO_OBSTACLES)  # (L, 7) of the map, see `retarget`
     way: Decision | None = None  # the way being driven
     detour: bool = False
     manoeuvre: Manoeuvre | None = None
@@ -126,13 +127,19 @@ def begin(
     )
 
 
-def retarget(state: NavigatorState, goal_w: tuple[float, float], goal_radius_m: float) -> NavigatorState:
-    """The state with another goal: what it knows stays, what it intended and gave up is forgotten."""
+def retarget(
+    state: NavigatorState, goal_w: tuple[float, float], goal_radius_m: float, forbidden: FloatArray = NO_OBSTACLES
+) -> NavigatorState:
+    """The state with another goal: what it knows stays, what it intended and gave up is forgotten.
+
+    ``forbidden`` (L, 7): obstacles on the way there that are none to the eye, as slopes of a map.
+    """
     first_m = state.first_m if state.place_w is None else float(np.hypot(*np.subtract(goal_w, state.place_w)))
     return replace(
         state,
         goal_w=(float(goal_w[0]), float(goal_w[1])),
         goal_radius_m=goal_radius_m,
+        forbidden=forbidden,
         way=None,
         detour=False,
         manoeuvre=None,
@@ -311,7 +318,7 @@ def _place(state: NavigatorState, estimate: PoseEstimate) -> Place:
 
 
 def _table(state: NavigatorState) -> FloatArray:
-    """Obstacles (N, 7) in the world: remembered rocks, places of trouble and the limits of the area."""
+    """Obstacles (N, 7) in the world: remembered rocks, places of trouble, the area's limits, forbidden ground."""
     models = state.models
     here = None if state.place_w is None else np.asarray(state.place_w)
     body = models.footprint
@@ -320,7 +327,7 @@ def _table(state: NavigatorState) -> FloatArray:
     )
     xy, radius = state.avoid_w[:, :2], state.avoid_w[:, 2:]
     trouble = np.hstack([xy, xy, radius, np.ones_like(radius), np.ones_like(radius)])
-    return np.vstack([table, trouble, state.fence])
+    return np.vstack([table, trouble, state.fence, state.forbidden])
 
 
 def _drive(state: NavigatorState, choice: Choice, table: FloatArray, place: Place) -> tuple[NavigatorState, Decision]:

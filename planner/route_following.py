@@ -16,6 +16,7 @@ from planner.risk_slopes import priced
 from planner.route import CostMap, Place, Refusal, Route, RouteModel, cost_map, plan_route, way_cost
 from planner.route_cost import SlopeCosts
 from planner.route_ground import ElevationMap
+from planner.route_limits import forbidden
 from planner.route_marks import Landmark, Leg, LegModel, landmarks, legs
 from planner.route_risk import RiskModel, RouteRisk, in_words, route_risk
 from planner.terrain_store import TerrainStore, fused, with_cells
@@ -28,6 +29,7 @@ MOST_REPLANS = 8
 RISK_PRICES_M = (30.0, 100.0, 300.0, 1000.0)  # of a metre that surely fails, in the next routes
 LEAST_GAIN = 0.05  # of cost, for which a route is changed that can be driven
 CROWD_M = 2.0  # about which rocks are counted
+LEG_POINTS = 50  # of a leg, among which the nearest to the rover is looked for
 MOST_CROWDED = 0.8  # share of a cell that rocks may take as far as its cost goes
 
 
@@ -42,6 +44,7 @@ class Following:
     route: Route
     legs: tuple[Leg, ...]
     marks: tuple[Landmark, ...]
+    map_: CostMap  # over which the route was planned, or judged last
     model: RouteModel = RouteModel()  # noqa: RUF009 - frozen
     leg_model: LegModel = LegModel()  # noqa: RUF009 - frozen
     at: int = 0  # the leg being driven
@@ -83,16 +86,28 @@ def begin(
     route, marks = plan_route(map_, start_w, goal_w, model), landmarks(ground)
     cut = legs(map_, route, marks, leg_model)
     first = Following(
-        TerrainStore(ground), costs, goal_w, goal_radius_m, route, cut, marks, model, leg_model, risk_model=risk_model
+        TerrainStore(ground),
+        costs,
+        goal_w,
+        goal_radius_m,
+        route,
+        cut,
+        marks,
+        map_,
+        model,
+        leg_model,
+        risk_model=risk_model,
     )
     return within_limit(forecast(first, map_, start_w), start_w)
 
 
-def aimed(plan: NavigatorState, following: Following) -> NavigatorState:
-    """The navigator with the target of the route, or with the refusal of it as its end."""
+def aimed(plan: NavigatorState, following: Following, place: Place) -> NavigatorState:
+    """The navigator with the target of the route from ``place``, or with the refusal of it as its end."""
     if following.route.refusal is not None:
         return replace(plan, end=Decision("no_path", following.route.reason))
-    return navigator.retarget(plan, *following.target)
+    end_w, radius_m = following.target
+    steep = forbidden(following.map_, place, _left(following, place), end_w, plan.models.footprint)
+    return navigator.retarget(plan, end_w, radius_m, steep)
 
 
 def step(
@@ -109,7 +124,7 @@ def step(
         passed = _passed(following, place)
         if passed.at != following.at:
             following = improved(passed, plan, place)
-            plan = aimed(plan, following)
+            plan = aimed(plan, following, place)
     plan, decision = navigator.step(plan, observation, estimate, time_s, scan)
     if decision.kind != "no_path" or not following.legs:
         return following, plan, decision
@@ -127,7 +142,7 @@ def given_up(following: Following, plan: NavigatorState, place: Place, reason: s
     other = _passed(blocked(following, place, reason), place)
     if other.route.refusal is not None:
         return other, replace(plan, end=Decision("no_path", f"{reason}; and over the map: {other.route.reason}"))
-    return other, aimed(plan, other)
+    return other, aimed(plan, other, place)
 
 
 def improved(following: Following, plan: NavigatorState, place: Place) -> Following:
@@ -137,8 +152,11 @@ def improved(following: Following, plan: NavigatorState, place: Place) -> Follow
     """
     told = replace(following, store=with_cells(following.store, plan.memory.cells), rocks_w=_rocks(plan))
     map_ = driven_map(told)
-    left = np.vstack([[place], *[[leg.end_w] for leg in told.legs[told.at :]]])
-    old, new = way_cost(map_, left), plan_route(map_, place, told.goal_w, replace(told.model, leave_m=LEAVE_M))
+    told = replace(told, map_=map_)
+    straight, way = np.vstack([[place], *[[leg.end_w] for leg in told.legs[told.at :]]]), _left(told, place)
+    # A rover that was let off a leg before its end need not be able to go on straight: then it goes back to the way.
+    old = min(way_cost(map_, straight), float(np.linalg.norm(way[0] - place)) + way_cost(map_, way))
+    new = plan_route(map_, place, told.goal_w, replace(told.model, leave_m=LEAVE_M))
     if new.refusal is not None or new.cost > (1.0 - LEAST_GAIN) * old:
         return told
     reason = f"what was seen makes another way cheaper: {new.cost:.0f} instead of {old:.0f}"
@@ -222,6 +240,7 @@ def _rerouted(following: Following, map_: CostMap, route: Route, reason: str, pl
     other = replace(
         following,
         route=route,
+        map_=map_,
         legs=legs(map_, route, following.marks, following.leg_model),
         at=0,
         driven=following.driven + following.legs[: following.at],
@@ -256,6 +275,17 @@ def _share(grid: HeightField, discs_w: FloatArray) -> FloatArray:
             1.0, np.pi * reach**2
         )
     return share
+
+
+def _left(following: Following, place: Place) -> FloatArray:
+    """The planned way (N, 2), N >= 2, to the goal from the point of the present leg that is nearest to a place."""
+    way = following.route.way_w
+    arcs = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(way, axis=0), axis=1))])
+    begun_m = sum(leg.length_m for leg in following.legs[: following.at])
+    leg_m = begun_m + np.linspace(0.0, following.leg.length_m, LEG_POINTS)
+    points = np.column_stack([np.interp(leg_m, arcs, way[:, axis]) for axis in (0, 1)])
+    nearest = int(np.argmin(np.linalg.norm(points - np.asarray(place), axis=1)))
+    return np.vstack([points[nearest], way[arcs > leg_m[nearest]][:-1], way[-1]])
 
 
 def _discs(following: Following, place: Place) -> FloatArray:

@@ -59,7 +59,7 @@ class OnboardComputer:
         """
         self.counts = Counts()
         self.ways_w: list[FloatArray] = []  # of the drive missions sent
-        self.plan = plan if route is None else route_following.aimed(plan, route)
+        self.plan = plan if route is None else route_following.aimed(plan, route, (home_w[0], home_w[1]))
         self.route = route
         self.search: Search | None = None  # for landmarks, while the rover is lost
         self.stop_text = ""  # of the last fail-safe stop

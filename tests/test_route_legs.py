@@ -80,7 +80,7 @@ def test_a_landmark_behind_a_wall_is_none() -> None:
 
 def started(field: HeightField, goal: Place = GOAL, error_m: float = 0.02) -> tuple[Following, NavigatorState]:
     following = route_following.begin(ElevationMap.of(field, error_m), COSTS, START, goal, 1.0)
-    return following, route_following.aimed(navigator.begin(goal, 1.0, FOOTPRINT, START), following)
+    return following, route_following.aimed(navigator.begin(goal, 1.0, FOOTPRINT, START), following, START)
 
 
 def test_navigation_is_sent_from_leg_to_leg_and_in_the_end_to_the_goal() -> None:
