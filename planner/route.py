@@ -6,7 +6,7 @@ rover sees itself. `planner.route_marks` lays waypoints on a way, `planner.route
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from itertools import pairwise
 from typing import Any
@@ -140,6 +140,12 @@ def way_cost(map_: CostMap, way_w: FloatArray, costs: SlopeCosts | None = None) 
     for a, b in pairwise(points):
         total += kernels.line_cost(a[0], a[1], b[0], b[1], *_layers(map_, costs))
     return float(total)
+
+
+def without_limits(map_: CostMap) -> CostMap:
+    """The same map for judging a way that was driven: a slope over the limits costs what it does, and no more."""
+    costs = replace(map_.costs, limits=np.full_like(map_.costs.limits, np.inf), risk=np.zeros_like(map_.costs.risk))
+    return replace(map_, care=np.where(np.isfinite(map_.care), map_.care, 1.0 + RouteModel().care), costs=costs)
 
 
 _START = (Refusal.START_OFF_MAP, Refusal.START_UNKNOWN, Refusal.START_FORBIDDEN, "the start")

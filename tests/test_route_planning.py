@@ -13,7 +13,7 @@ from scipy.sparse.csgraph import dijkstra
 
 from planner import route_kernels as kernels
 from planner.denoise import denoised
-from planner.route import CostMap, Place, Refusal, RouteModel, cost_map, plan_route, way_cost
+from planner.route import CostMap, Place, Refusal, RouteModel, cost_map, plan_route, way_cost, without_limits
 from planner.route_cost import (
     BIN,
     HELD_UP,
@@ -74,6 +74,14 @@ def test_up_across_and_down_differ(slope_deg: float) -> None:
     across = (20.0, 5.0), (20.0, 35.0)
     costs = [plan_route(map_, *ends).cost for ends in (up, across, down)]
     assert costs[0] > costs[1] > costs[2]
+
+
+def test_a_driven_way_over_the_limits_is_judged_by_what_slopes_cost() -> None:
+    gentle, steep = mapped(plane(8.0)), mapped(plane(30.0))
+    up = np.array([(5.0, 20.0), (35.0, 20.0)])
+    assert np.isinf(way_cost(steep, up))
+    assert way_cost(without_limits(gentle), up) == pytest.approx(way_cost(gentle, up), rel=1e-6)
+    assert way_cost(without_limits(gentle), up) < way_cost(without_limits(steep), up) < 1000.0
 
 
 def test_the_cost_of_a_climb_is_half_time_and_half_energy() -> None:

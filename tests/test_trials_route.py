@@ -53,7 +53,8 @@ def test_a_wall_is_refused_at_once_and_counts_as_a_refusal(tmp_path: Path) -> No
     assert row.metrics["refused"]
     assert row.metrics["refused_at_once"]
     assert row.metrics["distance_m"] < 0.1
-    assert (row.metrics["oracle_length_m"], row.metrics["oracle_cost"], row.metrics["cost_ratio"]) == (None, None, None)
+    told = ("oracle_length_m", "oracle_cost", "cost_ratio", "planned_over_best", "driven_over_best")
+    assert [row.metrics[name] for name in told] == [None] * len(told)
 
 
 def test_a_crater_is_gone_round_leg_by_leg(tmp_path: Path) -> None:
@@ -72,6 +73,8 @@ def test_a_crater_is_gone_round_leg_by_leg(tmp_path: Path) -> None:
     row = drive(replace(trial, scenario=scenario), tmp_path, "all")
     assert row.reason == "goal", row.metrics["detail"]
     assert row.metrics["cost_ratio"] < 1.15
+    assert row.metrics["planned_over_best"] == row.metrics["cost_ratio"]
+    assert 0.95 < row.metrics["driven_over_best"] < 1.5
     assert row.metrics["route"]["legs_driven"] == len(row.metrics["route"]["legs"]) - 1
     assert row.metrics["max_tilt_deg"] < 16.0  # the crater's side has more than 30 deg
     assert (tmp_path / str(row.metrics["run_folder"]) / "map.png").exists()

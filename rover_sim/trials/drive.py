@@ -11,7 +11,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from planner.route import CostMap, Route, way_cost
+from planner.route import CostMap, Route, way_cost, without_limits
 from planner.route_following import Following
 from rover_sim import __version__
 from rover_sim.trials.course import score
@@ -107,7 +107,8 @@ def route_figures(
 ) -> dict[str, Any]:
     """Over the true map: cost of the best route, of the first one planned and of the way driven, and their ratios.
 
-    A cost is None where there is no such way, or where it is steeper somewhere than a route may be.
+    A cost is None where there is no such way, or where it is steeper somewhere than a route may be; in
+    ``planned_over_best`` and ``driven_over_best`` such a place costs what its slope does.
     """
     first = following.routes[0] if following.routes else following.route
     driven = trace["position_w"][:: max(1, len(trace["position_w"]) // DRIVEN_POINTS), :2]
@@ -117,13 +118,23 @@ def route_figures(
         "driven_cost": way_cost(true_map, driven) if len(driven) > 1 else np.inf,
     }
     told = {name: round(cost, 2) if np.isfinite(cost) else None for name, cost in costs.items()}
-    ratio = costs["planned_cost"] / best.cost if np.isfinite(costs["planned_cost"]) and best.refusal is None else None
+    free = without_limits(true_map)
+    over = {
+        "planned_over_best": way_cost(free, first.way_w) if len(first.way_w) else np.inf,
+        "driven_over_best": way_cost(free, driven) if len(driven) > 1 else np.inf,
+    }
     return {
         **told,
-        "cost_ratio": None if ratio is None else round(ratio, 4),
+        **{name: _over(cost, best) for name, cost in over.items()},
+        "cost_ratio": _over(costs["planned_cost"], best),
         "refused_at_once": first.refusal is not None,
         "replans": len(following.routes),
     }
+
+
+def _over(cost: float, best: Route) -> float | None:
+    """A cost over that of the best route; None where one of them is none."""
+    return round(cost / best.cost, 4) if np.isfinite(cost) and best.refusal is None else None
 
 
 def violations(summary: Mapping[str, Any], trace: Mapping[str, FloatArray], gravity_m_s2: float) -> list[str]:
