@@ -7,6 +7,7 @@ distance squared (the 2004 paper, section 3, on the compression of the obstacle 
 from __future__ import annotations
 
 import numpy as np
+from numba import njit
 
 from perception.camera import grid_rays_c, rays_w
 from worlds.geometry import rotation_from_quaternion
@@ -45,8 +46,19 @@ def beyond_horizon(
     the horizon is a curve, so each pixel is asked for its own ray.
     """
     normal_c = rotation_from_quaternion(camera_pose.quaternion_w).T @ plane.normal_w
-    fall = -(grid_rays_c(camera, shape) @ normal_c)
-    return np.asarray(~(fall >= np.sin(dip_rad)))
+    return ~falling(grid_rays_c(camera, shape), normal_c, float(np.sin(dip_rad)))
+
+
+@njit(cache=True)
+def falling(rays_c: FloatArray, normal_c: FloatArray, least: float) -> BoolArray:
+    """Which unit rays (rows, columns, 3) point down by at least a sine, against a normal (3,) in the same axes."""
+    answer = np.empty(rays_c.shape[:2], dtype=np.bool_)
+    x, y, z = normal_c[0], normal_c[1], normal_c[2]
+    for row in range(rays_c.shape[0]):
+        for column in range(rays_c.shape[1]):
+            fall = -(rays_c[row, column, 0] * x + rays_c[row, column, 1] * y + rays_c[row, column, 2] * z)
+            answer[row, column] = fall >= least
+    return answer
 
 
 def ground_range(camera_pose: Pose, plane: GroundPlane, points_w: FloatArray) -> FloatArray:

@@ -13,12 +13,14 @@ from functools import cached_property
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from perception.camera import grid_rays_c
-from perception.ground import ground_points, ground_range, range_sd
+from perception.ground import falling, ground_points, ground_range, range_sd
 from worlds.geometry import quaternion_from_euler, rotation_from_quaternion
 from worlds.types import BoolArray, ByteArray, FloatArray, Frame, IntArray, Pose, RangeScan
 
+SingleArray = NDArray[np.float32]
 REACH_M = 5.0  # farther feet are too few pixels below the horizon
 ANGLE_SD_RAD = 0.006  # about a pixel and a quarter
 GROUND_SD_M, SLOPE_SD = 0.01, 0.005
@@ -68,7 +70,7 @@ def tall_things(frame: Frame, hue: float, model: TallModel | None = None) -> Tal
         raise ValueError("a frame without pose or ground has no horizon")
     height, width = frame.image.shape[:2]
     normal_c = rotation_from_quaternion(frame.camera_pose.quaternion_w).T @ frame.ground.normal_w
-    above = np.asarray(grid_rays_c(frame.camera, (height, width)) @ normal_c > 0.0)
+    above = falling(grid_rays_c(frame.camera, (height, width)), -normal_c, 0.0)
     horizon = above.sum(axis=0)
     up, down = model.band_px
     if horizon.min() < up or horizon.max() > height - down:
@@ -91,11 +93,14 @@ def _fill_the_band(
 ) -> BoolArray:
     """Columns (W,) that something fills from above the horizon to below it; only those rows are looked at."""
     first = max(band.start - _BLUR_REACH_PX, 0)
-    found, lightness = _hue_and_lightness(frame.image[first : band.stop + _BLUR_REACH_PX], model)
-    inside = slice(band.start - first, band.stop - first)
-    thing = _things(found[inside], lightness[inside], above[band], hue, model)
+    soft = _softened(frame.image[first : band.stop + _BLUR_REACH_PX], model)[band.start - first :][: len(above[band])]
     offset = np.arange(band.start, band.stop)[:, None] - horizon
-    return np.asarray((thing | (offset < -model.band_px[0]) | (offset >= model.band_px[1])).all(axis=0))
+    beside = (offset < -model.band_px[0]) | (offset >= model.band_px[1])
+    found = _hue(soft)
+    filled = np.asarray(((found < hue - model.hue_tolerance) | beside).all(axis=0))
+    if not filled.any():  # mostly: and then nobody asks how light it is
+        return filled
+    return np.asarray((_things(found, _lightness(soft), above[band], hue, model) | beside).all(axis=0))
 
 
 def _things(found: FloatArray, lightness: FloatArray, above: BoolArray, hue: float, model: TallModel) -> BoolArray:
@@ -106,12 +111,25 @@ def _things(found: FloatArray, lightness: FloatArray, above: BoolArray, hue: flo
 
 def _hue_and_lightness(image: ByteArray, model: TallModel) -> tuple[FloatArray, FloatArray]:
     """Hue and L* (H, W) of the softened picture; a grey one has no hue."""
+    soft = _softened(image, model)
+    return _hue(soft), _lightness(soft)
+
+
+def _softened(image: ByteArray, model: TallModel) -> SingleArray:
+    """RGB (H, W, 3) in 0..1 of the softened picture."""
     colour = image if image.ndim == 3 else cv2.cvtColor(image, cv2.COLOR_GRAY2RGB)
-    soft = cv2.GaussianBlur(colour.astype(np.float32) / 255.0, (0, 0), model.blur_px)
-    hue = (soft[..., 0] - soft[..., 2]) / (soft.sum(axis=-1) + 1e-3)
-    return np.asarray(hue, dtype=np.float64), np.asarray(
-        cv2.cvtColor(soft, cv2.COLOR_RGB2LAB)[..., 0], dtype=np.float64
-    )
+    return np.asarray(cv2.GaussianBlur(colour.astype(np.float32) / 255.0, (0, 0), model.blur_px), dtype=np.float32)
+
+
+def _hue(soft: SingleArray) -> FloatArray:
+    """Hue (H, W) of RGB (H, W, 3) in 0..1."""
+    red, green, blue = soft[..., 0], soft[..., 1], soft[..., 2]
+    return np.asarray((red - blue) / (red + green + blue + np.float32(1e-3)), dtype=np.float64)
+
+
+def _lightness(soft: SingleArray) -> FloatArray:
+    """L* (H, W) of RGB (H, W, 3) in 0..1."""
+    return np.asarray(cv2.cvtColor(soft, cv2.COLOR_RGB2LAB)[..., 0], dtype=np.float64)
 
 
 def _shadows(found: FloatArray, lightness: FloatArray, other: BoolArray, hue: float, model: TallModel) -> BoolArray:

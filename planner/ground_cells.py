@@ -213,18 +213,19 @@ def _write(cells: GroundCells, view: View) -> None:
 def _shadows(observation: Observation, viewpoint_w: FloatArray) -> list[FloatArray]:
     """Outlines (4, 2) of the ground behind each rock, as far as it hides it from the camera."""
     outlines = []
+    from_x, from_y = viewpoint_w.tolist()
     for rock in observation.rocks:
-        sight = np.array(rock.position_w[:2]) - viewpoint_w
-        distance = float(np.hypot(*sight))
+        sight_x, sight_y = rock.position_w[0] - from_x, rock.position_w[1] - from_y
+        distance = float(np.hypot(sight_x, sight_y))
         if rock.height_m <= HIDING_HEIGHT_M or distance < 1e-6:
             continue
         reach = distance * min(CAMERA_HEIGHT_M / max(CAMERA_HEIGHT_M - rock.height_m, 0.05), 4.0)
         start = distance + 0.5 * rock.width_m
         if reach > start:
-            along, across = sight / distance, np.array([-sight[1], sight[0]]) / distance
+            x, y = sight_x / distance, sight_y / distance
             half = 0.5 * rock.width_m / distance  # a metre away
             ends = ((start, -half * start), (reach, -half * reach), (reach, half * reach), (start, half * start))
-            outlines.append(viewpoint_w + np.array([x * along + y * across for x, y in ends]))
+            outlines.append(np.array([(from_x + (a * x - b * y), from_y + (a * y + b * x)) for a, b in ends]))
     return outlines
 
 

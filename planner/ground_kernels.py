@@ -39,16 +39,19 @@ def fill_polygon(mask: ByteArray, outline: FloatArray, value: int) -> None:
 @nb.njit(cache=True)
 def nearest_values(centres: FloatArray, values: FloatArray, first: FloatArray, step: float, out: Layer) -> None:
     """Fills ``out`` [row, column] with the value of the nearest of ``centres`` (N, 2) within a metre, else NaN."""
-    for row in range(out.shape[0]):
-        for column in range(out.shape[1]):
-            x, y = first[0] + column * step, first[1] + row * step
-            best, value = 1.0, np.nan
-            for n in range(centres.shape[0]):
+    out[:] = np.nan
+    nearest = np.ones(out.shape)  # squared distance
+    reach = 1.0 / step + 1.0  # cells about a centre that it may be the nearest of
+    for n in range(centres.shape[0]):
+        at_column, at_row = (centres[n, 0] - first[0]) / step, (centres[n, 1] - first[1]) / step
+        for row in range(max(0, floor(at_row - reach)), min(out.shape[0], ceil(at_row + reach))):
+            for column in range(max(0, floor(at_column - reach)), min(out.shape[1], ceil(at_column + reach))):
+                x, y = first[0] + column * step, first[1] + row * step
                 dx, dy = centres[n, 0] - x, centres[n, 1] - y
                 squared = dx * dx + dy * dy
-                if squared < best:
-                    best, value = squared, values[n]
-            out[row, column] = value
+                if squared < nearest[row, column]:
+                    nearest[row, column] = squared
+                    out[row, column] = values[n]
 
 
 @nb.njit(cache=True)

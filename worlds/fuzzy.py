@@ -27,15 +27,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cache, cached_property, reduce
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Any, Literal, NamedTuple, TypeGuard
 
 import numpy as np
+from numba import njit
 
 from worlds.errors import InputError
 from worlds.strict_toml import read_table
-from worlds.types import BoolArray, FloatArray, IntArray
+from worlds.types import FloatArray, IntArray
 
 Corners = tuple[float, float, float, float]
 Norm = Literal["minimum", "product"]
@@ -72,15 +73,16 @@ class Tables(NamedTuple):
     """A rule base as arrays; K terms of all inputs, in their order."""
 
     terms: IntArray  # (inputs,) how many terms each input has
-    flanks: FloatArray  # (2, 3, K, 1) where a flank begins, its slope and what it begins with
-    low: FloatArray  # (inputs, 1) ends of the inputs' ranges
+    flanks: FloatArray  # (2, 3, K) where a flank begins, its slope and what it begins with
+    low: FloatArray  # (inputs,) ends of the inputs' ranges
     high: FloatArray
-    plain: BoolArray  # (rules,) which ask for a single term
-    places: IntArray  # (plain rules,) of that term among all
-    joint: list[tuple[int, list[list[int]]]]  # number of each other rule, and the places that its conditions list
+    conditions: IntArray  # (rules + 1,) of all rules in a row: where those of each begin
+    choices: IntArray  # (conditions + 1,) where the terms that each lists begin
+    places: IntArray  # (choices,) of those terms among all
+    single: bool  # each rule asks for one term of one input
     weights: FloatArray  # (rules,)
     owner: FloatArray  # (rules, output terms) one where the rule speaks for the term
-    evidence: FloatArray  # (K, output terms) that each term brings, of plain rules
+    evidence: FloatArray  # (K, output terms) that each term brings where rules are ``single``
 
 
 @dataclass(frozen=True)
@@ -120,46 +122,67 @@ def rule_strengths(base: RuleBase, inputs: Mapping[str, FloatArray]) -> FloatArr
 
     Raises KeyError when an input of the rule base is missing.
     """
-    degrees = _all_degrees(base, inputs)
     tables = base.tables
+    strengths = _fired(_all_degrees(base, inputs), *tables[4:7], base.norm == "product")
     combine = np.minimum if base.norm == "minimum" else np.multiply
     weigh = np.multiply if base.aggregation == "sum" else combine
-    strengths = np.empty((degrees.shape[0], len(base.rules)))
-    strengths[:, tables.plain] = degrees[:, tables.places]
-    for index, groups in tables.joint:
-        strengths[:, index] = reduce(combine, [_strongest(degrees, group) for group in groups])
     return np.asarray(weigh(strengths, tables.weights))
 
 
-def _strongest(degrees: FloatArray, places: list[int]) -> FloatArray:
-    return degrees[:, places[0]] if len(places) == 1 else np.asarray(degrees[:, places].max(axis=1))
+@njit(cache=True)
+def _fired(degrees: FloatArray, conditions: IntArray, choices: IntArray, places: IntArray, product: bool) -> FloatArray:
+    """How strongly each rule fires (N, rules), without its weight, by the ``degrees`` (N, K) of all terms."""
+    strengths = np.empty((len(degrees), len(conditions) - 1))
+    for sample in range(len(degrees)):
+        for rule in range(len(conditions) - 1):
+            strength = 1.0
+            for condition in range(conditions[rule], conditions[rule + 1]):
+                holds = degrees[sample, places[choices[condition]]]
+                for choice in range(choices[condition] + 1, choices[condition + 1]):
+                    holds = np.maximum(holds, degrees[sample, places[choice]])
+                strength = strength * holds if product else np.minimum(strength, holds)
+            strengths[sample, rule] = strength
+    return strengths
 
 
 def _all_degrees(base: RuleBase, inputs: Mapping[str, FloatArray]) -> FloatArray:
     """Membership (N, K) in every term of every input, inputs and terms in their order."""
-    terms, flanks, low, high = base.tables[:4]
-    values = np.stack([np.atleast_1d(np.asarray(inputs[v.name], dtype=float)) for v in base.inputs])
-    rising = np.repeat(np.clip(values, low, high), terms, axis=0)
-    falling = flanks[1, 0] - rising
-    falling *= flanks[1, 1]
-    falling += flanks[1, 2]
-    rising -= flanks[0, 0]
-    rising *= flanks[0, 1]
-    rising += flanks[0, 2]
-    return np.clip(np.minimum(rising, falling, out=rising), 0.0, 1.0, out=rising).T
+    values = np.array([inputs[variable.name] for variable in base.inputs], dtype=np.float64)
+    return _memberships(values.reshape(len(values), -1), *base.tables[:4]).T
+
+
+@njit(cache=True)
+def _memberships(
+    values: FloatArray, terms: IntArray, flanks: FloatArray, low: FloatArray, high: FloatArray
+) -> FloatArray:
+    """Membership (K, N) of ``values`` (inputs, N); what is no number has none, NaN."""
+    degrees, term = np.empty((flanks.shape[2], values.shape[1])), 0
+    for name in range(len(values)):
+        for _ in range(terms[name]):
+            for sample in range(values.shape[1]):
+                value = values[name, sample]
+                value = np.minimum(np.maximum(value, low[name]), high[name])
+                rising = (value - flanks[0, 0, term]) * flanks[0, 1, term] + flanks[0, 2, term]
+                falling = (flanks[1, 0, term] - value) * flanks[1, 1, term] + flanks[1, 2, term]
+                degrees[term, sample] = np.minimum(np.maximum(np.minimum(rising, falling), 0.0), 1.0)
+            term += 1
+    return degrees
 
 
 def _tables_of(base: RuleBase) -> Tables:
     groups = [_term_places(base, rule) for rule in base.rules]
-    plain = np.array([len(group) == 1 and len(group[0]) == 1 for group in groups], dtype=bool)
-    places = np.array([g[0][0] for g, single in zip(groups, plain, strict=True) if single], dtype=np.int32)
-    joint = [(int(index), groups[index]) for index in np.flatnonzero(~plain)]
+    lists = [places for group in groups for places in group]
+    conditions = np.cumsum([0, *map(len, groups)], dtype=np.int32)
+    choices = np.cumsum([0, *map(len, lists)], dtype=np.int32)
+    places = np.array([place for listed in lists for place in listed], dtype=np.int32)
     weights = np.array([rule.weight for rule in base.rules])
     terms = base.output.term_names
     owner = np.array([[float(rule.consequent == term) for term in terms] for rule in base.rules])
     evidence = np.zeros((sum(len(variable.terms) for variable in base.inputs), len(terms)))
-    np.add.at(evidence, places, weights[plain, None] * owner[plain])
-    return Tables(*_term_table(base), plain, places, joint, weights, owner, evidence)
+    single = len(places) == len(groups)
+    if single:
+        np.add.at(evidence, places, weights[:, None] * owner)
+    return Tables(*_term_table(base), conditions, choices, places, single, weights, owner, evidence)
 
 
 def _term_table(base: RuleBase) -> tuple[IntArray, FloatArray, FloatArray, FloatArray]:
@@ -169,8 +192,8 @@ def _term_table(base: RuleBase) -> tuple[IntArray, FloatArray, FloatArray, Float
     widths = np.stack([b - a, d - c])
     upright = widths == 0.0
     slopes = np.where(upright, _UPRIGHT, 1.0 / np.where(upright, 1.0, widths))
-    flanks = np.stack([np.stack([a, d]), slopes, upright.astype(np.float64)], axis=1)[..., None]
-    return terms, flanks, np.array([[v.low] for v in base.inputs]), np.array([[v.high] for v in base.inputs])
+    flanks = np.stack([np.stack([a, d]), slopes, upright.astype(np.float64)], axis=1)
+    return terms, flanks, np.array([v.low for v in base.inputs]), np.array([v.high for v in base.inputs])
 
 
 def _term_places(base: RuleBase, rule: Rule) -> list[list[int]]:
@@ -182,13 +205,24 @@ def _term_places(base: RuleBase, rule: Rule) -> list[list[int]]:
 def term_strengths(base: RuleBase, inputs: Mapping[str, FloatArray]) -> FloatArray:
     """Strongest rule, or sum of the rules, of each output term: (N, terms) in the order of the output's terms."""
     owner = base.tables.owner
-    if base.aggregation == "sum" and not base.tables.joint:
+    if base.aggregation == "sum" and base.tables.single:
         return np.asarray(_all_degrees(base, inputs) @ base.tables.evidence)
     strengths = rule_strengths(base, inputs)
     if base.aggregation == "sum":
         return np.asarray(strengths @ owner)
-    by_term = [strengths[:, owner[:, index] > 0].max(axis=1, initial=0.0) for index in range(owner.shape[1])]
-    return np.stack(by_term, axis=-1)
+    return _strongest(strengths, owner)
+
+
+@njit(cache=True)
+def _strongest(strengths: FloatArray, owner: FloatArray) -> FloatArray:
+    """Strongest of the rules (N, rules) of each output term, (N, terms)."""
+    answer = np.zeros((len(strengths), owner.shape[1]))
+    for sample in range(len(strengths)):
+        for rule in range(len(owner)):
+            for term in range(owner.shape[1]):
+                if owner[rule, term] > 0.0:
+                    answer[sample, term] = np.maximum(answer[sample, term], strengths[sample, rule])
+    return answer
 
 
 def evaluate(base: RuleBase, inputs: Mapping[str, FloatArray]) -> FloatArray:
