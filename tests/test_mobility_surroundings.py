@@ -136,3 +136,17 @@ def test_the_power_of_the_wheels_adds_up_to_that_of_the_rover() -> None:
     assert state.wheel_power_W == pytest.approx(state.wheel_torque_Nm * state.wheel_speed_rad_s)
     assert state.power_W == pytest.approx(state.wheel_power_W.sum() + ROVER.motor.idle_power_W)
     assert 0.05 < state.belly_clearance_m < ROVER.chassis.clearance_m
+
+
+@pytest.mark.parametrize(("heading_deg", "rim_m"), [(0.0, 0.05), (90.0, 0.0), (180.0, 0.05)])
+def test_a_pit_counts_along_the_way_that_the_wheels_roll(heading_deg: float, rim_m: float) -> None:
+    """Furrows along y, as far apart as the axles, 8 cm deep."""
+    x = (np.arange(121) - 60) * 0.04
+    furrows = 0.04 * (1.0 + np.cos(2.0 * np.pi * x / ROVER.wheelbase_m))
+    ground = field(np.tile(furrows, (121, 1)), 0.04)
+    with Simulation(make_world(ground, heading_deg=heading_deg), ROVER, np.random.default_rng(0)) as simulation:
+        depths = simulation.state.pit_depth_m
+    if rim_m > 0.0:
+        assert depths.max() > rim_m
+    else:
+        assert depths.max() < 0.02

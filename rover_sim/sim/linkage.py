@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numba import njit
 
 from rover_sim.sim import motion_kernels as kernel
 from rover_sim.sim.rover import RoverModel
@@ -32,24 +33,32 @@ def arm_offsets(rover: RoverModel) -> FloatArray:
     return np.array([np.subtract(arm.centre_of_mass_m, arm.pivot_m) for arm in arms]).reshape(-1, 3)
 
 
-def mass_centre_w(
-    rover: RoverModel, mass_kg: float, offsets: FloatArray, body: FloatArray, hubs_w: FloatArray, arms: FloatArray
-) -> FloatArray:
-    """Centre of mass (3,) in the world from ``body`` (18,), hubs (n, 3) and arms as `motion_kernels` moved them.
+def masses(rover: RoverModel) -> FloatArray:
+    """Mass (2 + m,) of the chassis, of a wheel and of each arm, kg."""
+    return np.array([rover.chassis.mass_kg, rover.wheel.mass_kg, *(arm.mass_kg for arm in rover.suspension.arm)])
 
-    ``mass_kg`` of the rover and `arm_offsets` are what the rover says each time anew, and takes long to say.
+
+@njit(cache=True)
+def mass_centre_w(
+    masses_kg: FloatArray, offsets: FloatArray, body: FloatArray, motion: FloatArray, arms: FloatArray
+) -> FloatArray:
+    """Centre of mass (3,) in the world from ``body`` (18,), wheels (n, 13) and arms as `motion_kernels` moved them.
+
+    ``masses_kg`` and ``offsets`` as of `masses` and `arm_offsets`.
     """
-    total = rover.chassis.mass_kg * body[:3] + rover.wheel.mass_kg * hubs_w.sum(axis=0)
-    rotation = body[9:18].reshape(3, 3)
-    for arm, row, (x, y, z) in zip(rover.suspension.arm, arms, offsets, strict=True):
-        sin, cos = row[kernel.ARM_SIN], row[kernel.ARM_COS]
-        place = (
-            row[kernel.ARM_X] + cos * x + sin * z,
-            row[kernel.ARM_PIVOT + 1] + y,
-            row[kernel.ARM_Z] - sin * x + cos * z,
-        )
-        total = total + arm.mass_kg * (body[:3] + rotation @ place)
-    return np.asarray(total / mass_kg)
+    centre, total = np.empty(3), masses_kg[0] + len(motion) * masses_kg[1]
+    for axis in range(3):
+        centre[axis] = masses_kg[0] * body[axis] + masses_kg[1] * np.sum(motion[:, axis])
+    for k in range(len(arms)):
+        arm, mass_kg, (x, y, z) = arms[k], masses_kg[2 + k], (offsets[k, 0], offsets[k, 1], offsets[k, 2])
+        px = arm[kernel.ARM_X] + arm[kernel.ARM_COS] * x + arm[kernel.ARM_SIN] * z
+        py = arm[kernel.ARM_PIVOT + 1] + y
+        pz = arm[kernel.ARM_Z] - arm[kernel.ARM_SIN] * x + arm[kernel.ARM_COS] * z
+        total += mass_kg
+        for axis in range(3):
+            turned = body[9 + 3 * axis] * px + body[10 + 3 * axis] * py + body[11 + 3 * axis] * pz
+            centre[axis] += mass_kg * (body[axis] + turned)
+    return np.asarray(centre / total)
 
 
 def _relative(rover: RoverModel, places_b: tuple[Vector3, ...]) -> FloatArray:

@@ -19,8 +19,9 @@ from numba import njit
 
 from rover_sim.sim.rover import RoverModel
 from rover_sim.sim.vehicle_state import VehicleState
-from worlds.geometry import rotation_from_quaternion
 from worlds.types import BoolArray, FloatArray, Vector3
+
+Motion = tuple[FloatArray, FloatArray, FloatArray, FloatArray]  # quaternion, velocity, rate; speeds of the wheels
 
 
 class Kind(StrEnum):
@@ -121,12 +122,10 @@ def watch(
     memory: Memory, state: VehicleState, standards: Standards, step_s: float
 ) -> tuple[Memory, tuple[MobilityEvent, ...]]:
     """The memory after a look at ``state``, ``step_s`` after the one before, and the events that begin with it."""
-    rim, hub = rolling_speeds(state, standards)
     after, begun = _look(
         memory,
         standards,
-        rim,
-        hub,
+        _motion(state),
         state.normal_force_N,
         state.sinkage_m,
         state.pit_depth_m,
@@ -143,8 +142,7 @@ def watch(
 def _look(
     before: Memory,
     standards: Standards,
-    rim: FloatArray,
-    hub: FloatArray,
+    motion: Motion,
     load_N: FloatArray,
     sinkage_m: FloatArray,
     pit_m: FloatArray,
@@ -155,6 +153,7 @@ def _look(
     step_s: float,
 ) -> tuple[Memory, BoolArray]:
     """The memory after a look, and which events (kinds, wheels + 1) begin: the conditions of each kind, one by one."""
+    rim, hub = _rolling(motion, standards.shear_radius_m, standards.sideways_m)
     limits, wheels = standards.limits, len(rim)
     after = Memory(
         np.zeros_like(before.active),
@@ -233,9 +232,22 @@ def rolling_speeds(state: VehicleState, standards: Standards) -> tuple[FloatArra
     A skid-steer rover turns slower than its wheel speeds say; this much is part of turning and no loss of traction,
     so the sides are judged by the effective track, as the rover's own monitor does.
     """
-    axes = rotation_from_quaternion(state.pose.quaternion_w)
-    forward, yaw_rate = axes[:, 0] @ state.linear_velocity_w, axes[:, 2] @ state.angular_velocity_w
-    return state.wheel_speed_rad_s * standards.shear_radius_m, forward - yaw_rate * standards.sideways_m
+    return _rolling(_motion(state), standards.shear_radius_m, standards.sideways_m)
+
+
+def _motion(state: VehicleState) -> Motion:
+    return state.pose.quaternion_w, state.linear_velocity_w, state.angular_velocity_w, state.wheel_speed_rad_s
+
+
+@njit(cache=True)
+def _rolling(motion: Motion, radius_m: float, sideways_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+    quaternion, velocity, rate, wheel_speed = motion
+    x, y, z, w = quaternion[0], quaternion[1], quaternion[2], quaternion[3]
+    ahead = (1 - 2 * (y * y + z * z), 2 * (x * y + z * w), 2 * (x * z - y * w))
+    up = (2 * (x * z + y * w), 2 * (y * z - x * w), 1 - 2 * (x * x + y * y))
+    forward = ahead[0] * velocity[0] + ahead[1] * velocity[1] + ahead[2] * velocity[2]
+    yaw_rate = up[0] * rate[0] + up[1] * rate[1] + up[2] * rate[2]
+    return wheel_speed * radius_m, forward - yaw_rate * sideways_m
 
 
 def active_kinds(memory: Memory) -> dict[Kind, bool]:

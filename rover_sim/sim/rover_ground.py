@@ -31,7 +31,7 @@ class RoverGround:
             ruts=RutField(world.ground) if world.scenario.soil.ruts else None,
         )
         centre = np.array(rover.chassis.centre_of_mass_m)
-        self._rover, self._mass_kg, self._arm_offsets = rover, rover.mass_kg, linkage.arm_offsets(rover)
+        self._masses_kg, self._arm_offsets = linkage.masses(rover), linkage.arm_offsets(rover)
         self._hubs, self._arms = linkage.hub_table(rover), linkage.arm_table(rover)
         self._points = belly_points(rover) - centre
         stiffness = rover.wheel.stiffness_N_m
@@ -71,9 +71,8 @@ class RoverGround:
     def locate(self) -> tuple[FloatArray, FloatArray]:
         """Hubs (n, 3) and centre of mass (3,) of the whole rover in the world, for ``raw`` as it is now."""
         locate(self.raw, self._hubs, self._arms, self.body, self.motion)
-        hubs = self.motion[:, :3].copy()
-        centre = linkage.mass_centre_w(self._rover, self._mass_kg, self._arm_offsets, self.body, hubs, self._arms)
-        return hubs, centre
+        centre = linkage.mass_centre_w(self._masses_kg, self._arm_offsets, self.body, self.motion, self._arms)
+        return self.motion[:, :3].copy(), centre
 
 
 def belly_points(rover: RoverModel) -> FloatArray:

@@ -232,7 +232,6 @@ class Simulation:
             time_s=self.time_s,
             dt=self.dt,
             gravity_m_s2=self.world.scenario.gravity_m_s2,
-            rover=self.rover,
             balance=self._balance,
             field=self.world.ground,
             surface=(self._ground.soil.ground, self._ground.soil.grid, self._ground.soil.rut_view),

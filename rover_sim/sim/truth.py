@@ -2,42 +2,41 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from math import acos, hypot
+from math import acos, sqrt
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
 from rover_sim.sim import soil_kernels as kernel
+from rover_sim.sim.motion_kernels import BODY_COLUMNS, body_motion
 from rover_sim.sim.rover import Body, RoverModel
 from rover_sim.sim.stability import force_angle, tip_angles
 from rover_sim.sim.support_polygon import outline
 from rover_sim.sim.surroundings import Surface, Surroundings
 from rover_sim.sim.vehicle_state import BodyContact, VehicleState
-from worlds.geometry import cross, rotation_from_quaternion
 from worlds.types import BoolArray, FloatArray, HeightField, IntArray, Pose, Vector3
 
 Motion = tuple[Vector3, Vector3, Vector3]  # velocity and rate of the chassis' centre of mass, push of that step (N)
 
 
-@dataclass(frozen=True, eq=False)
-class Balance:
+class Balance(NamedTuple):
     """What tip-over is judged by, of one rover; worked out once, as even looking it up by the rover takes a while."""
 
     mass_kg: float  # of the whole rover
+    centre_b: FloatArray  # (3,) of the chassis' mass, body axes
+    wheel_radius_m: float
     outline: IntArray  # wheels whose contacts span the polygon of support, clockwise from above
     inertia_kg_m2: FloatArray  # (3, 3) about the centre of mass, body axes
     level_measure: float  # the force-angle measure at rest on level ground
 
 
-@dataclass(frozen=True, eq=False)
-class Snapshot:
+class Snapshot(NamedTuple):
     """Raw values of one instant."""
 
     time_s: float
     dt: float
     gravity_m_s2: float
-    rover: RoverModel
     balance: Balance
     field: HeightField
     surface: Surface
@@ -59,26 +58,16 @@ class Snapshot:
 
 def observe(now: Snapshot) -> VehicleState:
     """The truth of one instant."""
-    rotation = rotation_from_quaternion(now.raw[3:7])
-    offset = rotation @ np.array(now.rover.chassis.centre_of_mass_m)
-    position, rate = now.raw[:3] - offset, now.raw[10:13].copy()
     hubs, wheel_speeds = now.hubs_w, now.raw[13 : 13 + len(now.hubs_w)].copy()
-    (_, ahead_y, _), (ahead_x, _, _), _ = rotation.tolist()  # axle x up: level
-    level = max(hypot(ahead_x, ahead_y), 1e-9)
-    directions = np.full((len(hubs), 2), (ahead_x / level, -ahead_y / level))
-    tip_angle, tip_rate, measure = _tipping(
-        hubs,
-        now.centre_w,
-        rotation,
-        rate,
-        (now.balance.outline, now.balance.inertia_kg_m2, now.rover.wheel.radius_m),
-        *_felt(now),
+    force, turning = _felt(now)
+    rotation, position, velocity, ahead, tip_angle, tip_rate, measure = _stance(
+        now.raw, hubs, now.centre_w, now.balance, force, turning
     )
     return VehicleState(
         time_s=now.time_s,
         pose=Pose(position, now.raw[3:7].copy()),
-        linear_velocity_w=now.raw[7:10] - cross(rate, offset),
-        angular_velocity_w=rate,
+        linear_velocity_w=velocity,
+        angular_velocity_w=now.raw[10:13].copy(),
         hubs_w=hubs,
         wheel_speed_rad_s=wheel_speeds,
         slip=now.wheels[:, kernel.SLIP],
@@ -88,7 +77,7 @@ def observe(now: Snapshot) -> VehicleState:
         drawbar_N=now.wheels[:, kernel.DRAWBAR],
         wheel_torque_Nm=now.torques_Nm,
         wheel_power_W=now.torques_Nm * wheel_speeds,
-        pit_depth_m=now.around.pit_depths(now.surface, hubs, directions),
+        pit_depth_m=now.around.pit_depths(now.surface, hubs, ahead),
         wedged=now.wedged,
         power_W=now.power_W,
         energy_J=now.energy_J,
@@ -125,25 +114,48 @@ def _felt(now: Snapshot) -> tuple[Vector3, Vector3]:
 
 
 @njit(cache=True)
+def _stance(
+    raw: FloatArray, hubs: FloatArray, centre: FloatArray, balance: Balance, force: Vector3, turning: Vector3
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, FloatArray, float]:
+    """What follows from the motion of the chassis.
+
+    Rotation (3, 3), place and velocity (3,) of the body origin, the level direction (n, 2) in which each wheel rolls,
+    angle left to each tip-over axis and the rate of falling over it (m,), and the force-angle measure.
+    """
+    body = np.empty(BODY_COLUMNS)
+    body_motion(raw, body)
+    rotation, rate = body[9:18].reshape(3, 3), body[6:9]
+    offset, place, velocity = np.zeros(3), np.empty(3), np.empty(3)
+    for i in range(3):
+        for j in range(3):
+            offset[i] += rotation[i, j] * balance.centre_b[j]
+    for i in range(3):
+        j, k = (i + 1) % 3, (i + 2) % 3
+        place[i] = body[i] - offset[i]
+        velocity[i] = body[3 + i] - (rate[j] * offset[k] - rate[k] * offset[j])
+    level = max(sqrt(rotation[1, 1] ** 2 + rotation[0, 1] ** 2), 1e-9)
+    ahead = np.empty((len(hubs), 2))  # axle x up: level
+    ahead[:, 0], ahead[:, 1] = rotation[1, 1] / level, -rotation[0, 1] / level
+    angles, rates, measure = _tipping(rotation, rate, hubs, centre, balance, force, turning)
+    return rotation, place, velocity, ahead, angles, rates, measure
+
+
+@njit(cache=True)
 def _tipping(
-    hubs: FloatArray,
-    centre: FloatArray,
     rotation: FloatArray,
     rate: FloatArray,
-    rover: tuple[IntArray, FloatArray, float],
+    hubs: FloatArray,
+    centre: FloatArray,
+    balance: Balance,
     force: Vector3,
     turning: Vector3,
 ) -> tuple[FloatArray, FloatArray, float]:
-    """Angle left to each tip-over axis and the rate of falling over it (m,), and the force-angle measure.
-
-    ``rover``: outline and inertia of its `Balance`, and the radius of its wheels.
-    """
-    outline, inertia, radius = rover
-    feet = np.empty((len(outline), 3))
-    angles, rates = np.empty(len(outline)), np.empty(len(outline))
-    for i in range(len(outline)):
+    """Angles and rates of the tip-over axes (m,), and the measure; see `_stance`."""
+    sides = len(balance.outline)
+    feet, angles, rates = np.empty((sides, 3)), np.empty(sides), np.empty(sides)
+    for side in range(sides):
         for axis in range(3):
-            feet[i, axis] = hubs[outline[i], axis] - radius * rotation[axis, 2]
+            feet[side, axis] = hubs[balance.outline[side], axis] - balance.wheel_radius_m * rotation[axis, 2]
     tip_angles(feet, centre, np.array([0.0, 0.0, -1.0]), rate, angles, rates)
     spin, moment = np.zeros(3), np.zeros(3)  # body axes; world
     for i in range(3):
@@ -152,8 +164,9 @@ def _tipping(
     for i in range(3):
         for j in range(3):
             for k in range(3):
-                moment[i] -= rotation[i, j] * inertia[j, k] * spin[k]
-    return angles, rates, force_angle(feet, centre, np.array(force), moment)
+                moment[i] -= rotation[i, j] * balance.inertia_kg_m2[j, k] * spin[k]
+    measure = force_angle(feet, centre, np.array(force), moment)
+    return angles, rates, measure
 
 
 def balance_of(rover: RoverModel, gravity_m_s2: float) -> Balance:
@@ -162,7 +175,8 @@ def balance_of(rover: RoverModel, gravity_m_s2: float) -> Balance:
     feet = np.array(rover.wheel.positions_m)[around] - [0.0, 0.0, rover.wheel.radius_m]
     weight = np.array([0.0, 0.0, -rover.mass_kg * gravity_m_s2])
     level = float(force_angle(feet, np.array(rover.centre_of_mass_b), weight, np.zeros(3)))
-    return Balance(rover.mass_kg, around, _inertia(rover), level)
+    centre_b = np.array(rover.chassis.centre_of_mass_m)
+    return Balance(rover.mass_kg, centre_b, rover.wheel.radius_m, around, _inertia(rover), level)
 
 
 def _inertia(rover: RoverModel) -> FloatArray:
