@@ -32,7 +32,7 @@ def denoised(ground: ElevationMap) -> ElevationMap:
     left = spectrum.noise * float((spectrum.share * shows).mean() / shows.mean())
     clean = np.where(np.isfinite(heights), spectrum.broad + kept, np.nan)
     field = HeightField(clean, ground.field.resolution_m, ground.field.origin_m)
-    return ElevationMap(field, np.full(heights.shape, left))
+    return ElevationMap(field, np.full(heights.shape, left), likeliest=True)
 
 
 def error_left(ground: ElevationMap, roughness_m: float = 0.0) -> MapError:

@@ -12,10 +12,11 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
+from scipy.special import ndtr
 
 from planner import route_kernels as kernels
-from planner.route_cost import BIN, SlopeCosts
-from planner.route_ground import ElevationMap, GroundLayers, best_index, ground_layers, traversability
+from planner.route_cost import BIN, HELD_UP, SlopeCosts
+from planner.route_ground import ElevationMap, GroundLayers, best_index, ground_layers, square_reach, traversability
 from worlds.types import BoolArray, FloatArray, HeightField, IntArray
 
 SLACK = 1.005  # of cost that a straight leg may have over the stretch of cells that it replaces
@@ -102,11 +103,21 @@ def cost_map(
     layers = ground_layers(ground)
     index = traversability(layers, costs.softness) / best_index()
     care = (1.0 + model.care * np.clip(1.0 - index, 0.0, 1.0)) * (1.0 if crowded is None else crowded)
+    care += HELD_UP * belly_meets(layers, square_reach(ground.field.resolution_m) * ground.field.resolution_m, costs)
     steepest = max(costs.up_deg, costs.down_deg, costs.across_deg)
     care[~layers.known | (layers.slope_deg > steepest) | (layers.step_m > model.most_step_m)] = np.inf
     if blocked is not None:
         care[blocked] = np.inf
     return CostMap(ground, layers, care, costs)
+
+
+def belly_meets(layers: GroundLayers, over_m: float, costs: SlopeCosts) -> FloatArray:
+    """Probability (ny, nx) that a break of the ground holds the rover up; it comes within ``over_m``, half a square.
+
+    A break between the wheels as high as the belly does; the map tells it over its own squares, taken as alike.
+    """
+    short = costs.break_rise * over_m - layers.step_m
+    return np.asarray(ndtr(-short / np.maximum(layers.step_sd_m, 1e-9)))
 
 
 def plan_route(map_: CostMap, start_w: Place, goal_w: Place, model: RouteModel | None = None) -> Route:
@@ -145,7 +156,7 @@ def way_cost(map_: CostMap, way_w: FloatArray, costs: SlopeCosts | None = None) 
 def without_limits(map_: CostMap) -> CostMap:
     """The same map for judging a way that was driven: a slope over the limits costs what it does, and no more."""
     costs = replace(map_.costs, limits=np.full_like(map_.costs.limits, np.inf), risk=np.zeros_like(map_.costs.risk))
-    return replace(map_, care=np.where(np.isfinite(map_.care), map_.care, 1.0 + RouteModel().care), costs=costs)
+    return replace(map_, care=np.minimum(map_.care, 1.0 + RouteModel().care), costs=costs)
 
 
 _START = (Refusal.START_OFF_MAP, Refusal.START_UNKNOWN, Refusal.START_FORBIDDEN, "the start")

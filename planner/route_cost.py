@@ -70,6 +70,7 @@ class SlopeCosts:
     down_deg: float
     across_deg: float
     softness: float
+    break_rise: float  # a break of the ground that much to the length over which it comes holds the belly up
 
 
 def slope_costs(soil: str, footprint: Footprint, rover: str, limits: SlopeLimits | None = None) -> SlopeCosts:
@@ -86,7 +87,8 @@ def slope_costs(soil: str, footprint: Footprint, rover: str, limits: SlopeLimits
     across = expected((_across(figures, rise) * _tipping(rise, lateral))[BINS:], mirrored=True)
     nominal, holds_up = np.tan(np.radians(wanted)), np.tan(np.radians(most))
     seen = nominal + np.minimum(SEEMING * np.array(ERRORS)[:, None], np.maximum(holds_up - nominal, 0.0))
-    return SlopeCosts(along, across, _risk(float(holds_up.min())), seen, holds_up, *wanted, figures.softness)
+    risk, belly = _risk(float(holds_up.min())), footprint.clearance_m / footprint.wheelbase_m
+    return SlopeCosts(along, across, risk, seen, holds_up, *wanted, figures.softness, belly)
 
 
 def _steepest_deg(

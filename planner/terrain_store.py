@@ -99,7 +99,8 @@ def fused(store: TerrainStore) -> ElevationMap:
         found = square(store, place, grid.resolution_m)
         if np.isfinite(found.mean_m):
             heights[row, column], variances[row, column] = found.mean_m, found.variance_m2
-    return ElevationMap(HeightField(heights, grid.resolution_m, grid.origin_m), variances)
+    field = HeightField(heights, grid.resolution_m, grid.origin_m)
+    return ElevationMap(field, variances, store.coarse.likeliest)
 
 
 def _surer(tile: Tile, place: Places, cells: GroundCells, seen: Places) -> Tile:

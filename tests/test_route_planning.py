@@ -270,7 +270,13 @@ def index_of(values: list[FloatArray], softness: float) -> FloatArray:
     slope, rough, step = (value[None] for value in values)
     rise = np.tan(np.radians(slope))
     layers = GroundLayers(
-        rise, np.zeros_like(rise), np.zeros(rise.shape, dtype=np.int32), rough, step, np.ones(rise.shape, dtype=bool)
+        rise,
+        np.zeros_like(rise),
+        np.zeros(rise.shape, dtype=np.int32),
+        rough,
+        step,
+        np.zeros_like(step),
+        np.ones(rise.shape, dtype=bool),
     )
     return np.asarray(traversability(layers, softness)[0])
 
@@ -346,3 +352,36 @@ def test_files_of_knowledge_are_checked(tmp_path: Path) -> None:
     )
     with pytest.raises(InputError, match=r"route\.toml"):
         load_rules(rules)
+
+
+def gully(depth_m: float, noise_m: float, seed: int) -> ElevationMap:
+    """Rolling ground of 40 x 40 m at 0.5 m, measured and filtered, with a gully along x = 20 up to y = 30."""
+    flat = HeightField(np.zeros((81, 81)), 0.5, (0.0, 0.0))
+    rng = np.random.default_rng(seed)
+    heights = fractal(flat, 0.1, rng, (20.0, 4.0))
+    x, y = np.meshgrid(0.5 * np.arange(81), 0.5 * np.arange(81))
+    heights -= depth_m * np.clip(1.0 - np.abs(x - 20.0) / 0.75, 0.0, 1.0) * (y < 30.0)
+    noisy = HeightField(heights + rng.normal(0.0, noise_m, heights.shape), 0.5, (0.0, 0.0))
+    return denoised(ElevationMap.of(noisy, noise_m))
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_gully_that_would_hold_the_belly_is_gone_round(seed: int) -> None:
+    ground, free = gully(0.45, 0.03, seed), np.full_like(COSTS.limits, np.inf)
+    slopes_pass, crossings = replace(COSTS, limits=free, risk=np.zeros_like(COSTS.risk)), []
+    for break_rise in (COSTS.break_rise, np.inf):
+        costs = replace(slopes_pass, break_rise=break_rise)
+        way = plan_route(cost_map(ground, costs), (5.0, 20.0), (35.0, 20.0)).way_w
+        crossings.append(np.interp(20.0, way[:, 0], way[:, 1]))
+    assert crossings[0] > 30.0 > crossings[1]
+
+
+def test_what_noise_smoothed_away_is_not_taken_out_of_a_filtered_map_again() -> None:
+    flat = HeightField(np.zeros((121, 121)), 1.0, (0.0, 0.0))
+    truth = fractal(flat, 0.3, np.random.default_rng(4), (30.0, 2.0))
+    noisy = truth + np.random.default_rng(5).normal(0.0, 0.05, truth.shape)
+    known = ground_layers(ElevationMap.of(HeightField(truth, 1.0, (0.0, 0.0))))
+    told = ground_layers(denoised(ElevationMap.of(HeightField(noisy, 1.0, (0.0, 0.0)), 0.05)))
+    assert np.median(told.roughness_m) == pytest.approx(np.median(known.roughness_m), rel=0.25)
+    assert np.corrcoef(told.roughness_m.ravel(), known.roughness_m.ravel())[0, 1] > 0.7
+    assert (told.step_sd_m > 0.0).all()

@@ -55,6 +55,7 @@ def test_a_wall_is_refused_at_once_and_counts_as_a_refusal(tmp_path: Path) -> No
     assert row.metrics["distance_m"] < 0.1
     told = ("oracle_length_m", "oracle_cost", "cost_ratio", "planned_over_best", "driven_over_best")
     assert [row.metrics[name] for name in told] == [None] * len(told)
+    assert row.metrics["way"] == "none"
 
 
 def test_a_crater_is_gone_round_leg_by_leg(tmp_path: Path) -> None:
@@ -73,6 +74,7 @@ def test_a_crater_is_gone_round_leg_by_leg(tmp_path: Path) -> None:
     row = drive(replace(trial, scenario=scenario), tmp_path, "all")
     assert row.reason == "goal", row.metrics["detail"]
     assert row.metrics["cost_ratio"] < 1.15
+    assert row.metrics["way"] == "within"
     assert row.metrics["planned_over_best"] == row.metrics["cost_ratio"]
     assert 0.95 < row.metrics["driven_over_best"] < 1.5
     assert row.metrics["route"]["legs_driven"] == len(row.metrics["route"]["legs"]) - 1

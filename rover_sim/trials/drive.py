@@ -32,7 +32,7 @@ def drive(trial: Trial, folder: Path, keep: Keep) -> Row:
     from rover_sim.sights import Sights
     from rover_sim.sim.rover import load_rover
     from rover_sim.traverse import RunOptions, open_traverse
-    from rover_sim.trials.oracle import best_route, oracle_length_m
+    from rover_sim.trials.oracle import best_route, oracle_length_m, way_there
     from worlds.build import build_world
 
     begun = time.perf_counter()
@@ -55,6 +55,7 @@ def drive(trial: Trial, folder: Path, keep: Keep) -> Row:
             figures = trial_figures(trial, summary, traverse.recorder.arrays(), oracle_m)
             if judge is not None and traverse.route is not None:
                 figures |= route_figures(traverse.route, *judge, traverse.recorder.arrays())
+                figures["way"] = way_there(world, rover.footprint(), judge[1])
             kept = keep == "all" or (keep == "failures" and not (summary["success"] and not figures["violations"]))
             if kept:
                 run_folder.write(Path(scratch), traverse, sights, summary)

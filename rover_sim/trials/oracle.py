@@ -7,7 +7,7 @@ import numpy as np
 from planner.map_kernels import cost_to_go
 from planner.obstacle_map import obstacle_grid, segment_clearance
 from planner.route import CostMap, Route, cost_map, plan_route
-from planner.route_cost import slope_costs
+from planner.route_cost import HOLDS_UP, slope_costs
 from planner.route_ground import ElevationMap
 from rover_sim.route_map import averaged
 from rover_sim.true_obstacles import obstacle_table
@@ -58,6 +58,21 @@ def best_route(world: World, footprint: Footprint) -> tuple[CostMap, Route]:
     ground = ElevationMap.of(averaged(world, scenario.route.resolution_m))
     true_map = cost_map(ground, slope_costs(scenario.soil.preset, footprint, scenario.rover.model))
     return true_map, plan_route(true_map, scenario.rover.start_m, scenario.goal.position_m)
+
+
+def way_there(world: World, footprint: Footprint, best: Route) -> str:
+    """Which ways there are over the true map: ``within`` the limits of a route, only ``over`` them, or ``none``.
+
+    The latter two by whether slopes hold the rover up, which they do not yet at its limits.
+    """
+    if best.refusal is None:
+        return "within"
+    scenario = world.scenario
+    assert scenario.route is not None
+    ground = ElevationMap.of(averaged(world, scenario.route.resolution_m))
+    possible = cost_map(ground, slope_costs(scenario.soil.preset, footprint, scenario.rover.model, HOLDS_UP))
+    over = plan_route(possible, scenario.rover.start_m, scenario.goal.position_m)
+    return "over" if over.refusal is None else "none"
 
 
 def _limits(world: World, start: FloatArray, goal: FloatArray) -> tuple[FloatArray, FloatArray]:
