@@ -195,57 +195,59 @@ def cost_to_go(cost: FloatArray, seeds: FloatArray, step: float) -> tuple[FloatA
     over eight neighbours with a queue of buckets (Dial, CACM 12(11), 1969): a cell is taken up again when it is reached
     at less, so the answer is that of Dijkstra's search whatever the width of a bucket.
     """
-    nx, ny = cost.shape
-    best, flat_best = seeds.copy(), seeds.size
-    onward = np.full(flat_best, -1, dtype=np.int32)
+    wide = cost.shape[1] + 2
+    price, best = _rimmed(cost), _rimmed(seeds)
+    onward, queued = np.full(price.size, -1, dtype=np.int32), np.full(price.size, -1, dtype=np.int32)
+    links = np.full((price.size, 2), -1, dtype=np.int32)  # of a queued cell: the one before and after it in its bucket
     heads = np.full(BUCKETS, -1, dtype=np.int32)
-    links = np.full((flat_best, 2), -1, dtype=np.int32)  # of a queued cell: the one before and after it in its bucket
-    queued = np.full(flat_best, -1, dtype=np.int32)  # its bucket
     # Far goals make the least cost large: buckets begin there, as all that the last one holds is taken up in any order.
-    least = seeds.min() if flat_best > 0 else 0.0
+    least = best.min()
     first = int(least / BUCKET_M) if np.isfinite(least) else 0
-    for flat in range(flat_best):
-        value = seeds[flat // ny, flat % ny]
-        if np.isfinite(value):
-            _queue(flat, value, first, heads, links, queued)
+    for flat in range(price.size):
+        if best[flat] < np.inf:
+            _queue(flat, best[flat], first, heads, links, queued)
+    steps = np.array([-wide - 1, -wide, -wide + 1, -1, 1, wide - 1, wide, wide + 1])
+    # A diagonal step must not squeeze between two blocked corners; a straight one starts on free ground.
+    beside = np.array([[-wide, -1], [0, 0], [-wide, 1], [0, 0], [0, 0], [wide, -1], [0, 0], [wide, 1]])
+    length = 0.5 * step * np.where(beside[:, 0] == 0, 1.0, 1.4142135623730951)
     for bucket in range(BUCKETS):
         while heads[bucket] >= 0:
             flat = heads[bucket]
             _unqueue(flat, heads, links, queued)
-            _spread(flat, cost, step, best, onward, first, heads, links, queued)
-    return best, onward.reshape(nx, ny)
-
-
-@nb.njit(cache=True)
-def _spread(
-    flat: int,
-    cost: FloatArray,
-    step: float,
-    best: FloatArray,
-    onward: IntArray,
-    first: int,
-    heads: IntArray,
-    links: IntArray,
-    queued: IntArray,
-) -> None:
-    """Lowers the neighbours of a cell to what it costs to go on through it, and queues those."""
-    nx, ny = cost.shape
-    ix, iy = flat // ny, flat % ny
-    value, own = best[ix, iy], min(cost[ix, iy], 9.0)
-    for jx in range(max(ix - 1, 0), min(ix + 2, nx)):
-        for jy in range(max(iy - 1, 0), min(iy + 2, ny)):
-            # A diagonal step must not squeeze between two blocked corners.
-            if not (np.isfinite(cost[jx, jy]) and np.isfinite(cost[ix, jy]) and np.isfinite(cost[jx, iy])):
-                continue
-            length = 0.5 * step * (1.4142135623730951 if jx != ix and jy != iy else 1.0)
-            total = value + length * (cost[jx, jy] + own)
-            to = jx * ny + jy
-            if total < best[jx, jy]:
-                best[jx, jy] = total
-                onward[to] = flat
+            value, own = best[flat], min(price[flat], 9.0)
+            for k in range(8):
+                to = flat + steps[k]
+                total = value + length[k] * (price[to] + own)
+                blocked = price[flat + beside[k, 0]] == np.inf or price[flat + beside[k, 1]] == np.inf
+                if blocked or total >= best[to]:
+                    continue
+                best[to], onward[to] = total, flat
                 if queued[to] >= 0:
                     _unqueue(to, heads, links, queued)
                 _queue(to, total, first, heads, links, queued)
+    return _without_rim(best, onward, cost.shape)
+
+
+@nb.njit(cache=True)
+def _rimmed(values: FloatArray) -> FloatArray:
+    """``values`` (nx, ny) in a row, with a rim of inf that spares the tests for the border."""
+    rimmed = np.full((values.shape[0] + 2, values.shape[1] + 2), np.inf)
+    rimmed[1:-1, 1:-1] = values
+    return rimmed.ravel()
+
+
+@nb.njit(cache=True)
+def _without_rim(best: FloatArray, onward: IntArray, shape: tuple[int, int]) -> tuple[FloatArray, IntArray]:
+    """Cost (nx, ny) and flat index of the next cell, counted without the rim."""
+    field, following = np.empty(shape), np.empty(shape, dtype=np.int32)
+    wide = shape[1] + 2
+    for ix in range(shape[0]):
+        for iy in range(shape[1]):
+            flat = (ix + 1) * wide + iy + 1
+            to = onward[flat]
+            field[ix, iy] = best[flat]
+            following[ix, iy] = -1 if to < 0 else (to // wide - 1) * shape[1] + to % wide - 1
+    return field, following
 
 
 @nb.njit(cache=True)
