@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from math import gcd
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
@@ -97,6 +98,9 @@ class Stepped(NamedTuple):
     end: tuple[Reason, str] | None
 
 
+_NOTHING_NEW = Stepped(looked=False, end=None)
+
+
 def open_traverse(world: World, rover: RoverModel, options: RunOptions, tlog: Path | None = None) -> Traverse:
     """A traverse by the built-in autopilot; raises InputError or LinkError if a link cannot be opened."""
     autopilot = tuned_autopilot(rover.footprint(), home(world), world.scenario.gravity_m_s2)
@@ -124,6 +128,7 @@ class Traverse:
         self._camera_rng = np.random.default_rng([world.seed, CAMERA_STREAM])
         self._classes, self._judge = ClassScore(), Judge(Limits(touch_ends=options.any_touch_ends))
         self._eyes = eyes(scenario, steps_per_s) if options.way is None else {}
+        self._look_steps = gcd(*(eye.steps for eye in self._eyes.values()))  # no eye looks in between; 0 without any
         self._stack, self._steps, self._steps_per_s = link, 0, steps_per_s
         try:
             check_start(world, rover.footprint())
@@ -181,10 +186,10 @@ class Traverse:
             self._control()
         if step % TRACE_STEPS == 0:
             ended = self._observe()
-        looked = self._see(step, on_sight)
+        looked = self._look_steps > 0 and step % self._look_steps == 0 and self._see(step, on_sight)
         self.rover.step()
         self._steps += 1
-        return Stepped(looked, ended)
+        return Stepped(looked, ended) if looked or ended is not None else _NOTHING_NEW
 
     def summary(self, reason: Reason, detail: str, *, wall_time_s: float) -> dict[str, Any]:
         """The summary of what was driven so far."""
