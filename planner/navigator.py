@@ -13,7 +13,7 @@ from planner.first_bend import begin_with_bend
 from planner.ground_cells import driven_view, sample
 from planner.laser_map import LaserMap
 from planner.monitor import tilt
-from planner.obstacle_map import NO_OBSTACLES, Area, fence, let_leave, obstacles, segment_clearance
+from planner.obstacle_map import NO_OBSTACLES, Area, fence, judged, let_leave, obstacles, segment_clearance
 from planner.recovery import Ladder, Manoeuvre, finished, next_manoeuvre
 from planner.room import jam, turn_range
 from planner.row_search import Candidate
@@ -282,6 +282,7 @@ def _take_in(
     wheels = estimate.pose.position_w - np.array([0.0, 0.0, state.models.footprint.wheel_radius_m])
     standing = driven_view(wheels, STANDING_M, estimate.time_s)
     memory = remember(state.memory, observation, place, state.model.memory, standing=standing)
+    memory = replace(memory, rocks=judged(memory.rocks, state.models.drive, state.models.footprint.climb_height_m))
     if scan is not None:
         memory = remember_scan(memory, scan, estimate)
     moved = 0.0 if state.place_w is None else float(np.hypot(*(place - state.place_w)))

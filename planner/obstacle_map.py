@@ -6,7 +6,7 @@ convolution is carried out sparsely: each obstacle adds its weight times the ker
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -33,7 +33,8 @@ class DriveModel:
     belly_share: float = 1.15  # of the climb height: the belly meets higher rocks
     flank_share: float = 1.25  # and wheels may pass over the flank of lower ones
     height_error: float = 1.5  # over the stated one: rocks that are steeper than most fool every view alike
-    most_doubt: float = 0.135  # a rock that the belly would meet with a higher probability is hard
+    most_doubt: float = 0.135  # a rock that the belly would meet with a higher probability is hard ...
+    undecided: float = 1.35  # ... times or over which a rock stays what it was judged: each change makes a new way
     low_weight: float = 0.4  # in the hilly field of a rock as high as wheels climb; of lower ones by the square
     doubt_weight: float = 30.0  # in the hilly field of a low rock that the belly would surely meet
     sure_certainty: float = 0.35  # rocks less likely than this only cost
@@ -115,7 +116,7 @@ def obstacles(
     half = 0.5 * np.maximum(rocks.length_m - rocks.width_m, 0.0)
     axis = half[:, None] * np.stack([np.cos(rocks.yaw_rad), np.sin(rocks.yaw_rad)], axis=1)
     doubt = belly_meets(rocks, model, climb_height_m)
-    high, sure = doubt > model.most_doubt, _sure(rocks, model, place_w)
+    high, sure = too_high(rocks, doubt, model), _sure(rocks, model, place_w)
     hard = high & sure
     low = model.low_weight * np.minimum(rocks.height_m / climb_height_m, 1.0) ** 2 + model.doubt_weight * doubt
     tall = np.clip(rocks.height_m / 0.25, 0.4, 1.0)
@@ -123,6 +124,18 @@ def obstacles(
     radius = 0.5 * rocks.width_m + np.where(hard, _berth(rocks, model, climb_height_m, wheel_width_m), 0.0)
     table = np.column_stack([rocks.centre_w - axis, rocks.centre_w + axis, radius, weight, hard])
     return np.vstack([table, _joined(rocks.select(sure & ~hard), model, climb_height_m)])
+
+
+def judged(rocks: RockMemory, model: DriveModel, climb_height_m: float) -> RockMemory:
+    """The same rocks, with what they are now: too high for the belly, or low enough."""
+    high = too_high(rocks, belly_meets(rocks, model, climb_height_m), model)
+    return replace(rocks, judged=np.where(high, 1.0, -1.0))
+
+
+def too_high(rocks: RockMemory, doubt: FloatArray, model: DriveModel) -> BoolArray:
+    """Which rocks (N,) the belly meets too probably; ``doubt`` (N,) as of `belly_meets`."""
+    high: BoolArray = doubt > model.most_doubt * model.undecided**-rocks.judged
+    return high
 
 
 def belly_meets(rocks: RockMemory, model: DriveModel, climb_height_m: float) -> FloatArray:

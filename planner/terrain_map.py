@@ -36,6 +36,7 @@ class RockMemory:
     weight: FloatArray  # (N,) of the sizes so far: sum of 1 / range^4, 1/m^4
     log_odds: FloatArray  # (N,) of being there
     seen_s: FloatArray  # (N,) time of the last view
+    judged: FloatArray  # (N,) when last judged: 1 too high for the belly, -1 low enough; 0 not judged yet
 
     def __len__(self) -> int:
         return len(self.log_odds)
@@ -104,7 +105,7 @@ class TerrainMemory:
 def empty_memory(centre_w: FloatArray) -> TerrainMemory:
     """A memory of nothing, its cells around ``centre_w`` (2,)."""
     none = np.zeros(0)
-    rocks = RockMemory(np.zeros((0, 2)), np.zeros((0, 2, 2)), *(none,) * 8)
+    rocks = RockMemory(np.zeros((0, 2)), np.zeros((0, 2, 2)), *(none,) * 9)
     return TerrainMemory(rocks, empty_cells(centre_w))
 
 
@@ -179,6 +180,7 @@ def _views(observation: Observation, viewpoint_w: FloatArray, model: MemoryModel
         np.where(cut, model.cut_weight, 1.0) / np.maximum(distance, model.full_m) ** 4,
         np.log(certainty / (1.0 - certainty)),
         np.full(count, observation.time_s),
+        np.zeros(count),
     )
 
 
@@ -230,6 +232,7 @@ def _fuse(rocks: RockMemory, views: RockMemory, match: Index, model: MemoryModel
         np.minimum(old.weight + told, model.most_weight),
         gained,
         new.seen_s,
+        old.judged,
     )
     return _put(rocks, index, fused)
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from msgspec import structs
 
 from planner import mobility, navigator
-from planner.obstacle_map import STEREO_DRIVE, DriveModel, distance_to, fence, obstacles
+from planner.obstacle_map import STEREO_DRIVE, DriveModel, distance_to, fence, judged, obstacles
 from planner.terrain_map import STEREO_MEMORY, empty_memory, remember, rock_at
 from planner.track import NO_TRACK, STEP_M, note, way_back
 from tests.planner_factory import FOOTPRINT, DiscWorld, look, pose_at
@@ -34,6 +34,12 @@ def table_of(*rocks: PerceivedRock, drive: DriveModel = DriveModel()) -> FloatAr
     seen = Observation(0.0, rocks, np.empty((0, 0), dtype=np.str_), np.zeros((0, 0, 2)), np.zeros((0, 2)))
     memory = remember(empty_memory(np.zeros(2)), seen, np.zeros(2))
     return obstacles(memory.rocks, drive, CLIMB_M)
+
+
+def one_rock(height_m: float) -> Observation:
+    """A look that shows one rock whose height is known to a centimetre."""
+    rock = structs.replace(rock_at((2.0, 0.0, 0.0), 0.3, height_m), height_sd_m=0.01)
+    return Observation(0.0, (rock,), np.empty((0, 0), dtype=np.str_), np.zeros((0, 0, 2)), np.zeros((0, 2)))
 
 
 def test_the_track_grows_by_steps_and_shrinks_where_it_is_backed_out_of() -> None:
@@ -187,6 +193,22 @@ def test_a_rock_costs_by_the_probability_that_the_belly_meets_it() -> None:
     vague, higher = structs.replace(sure, height_sd_m=0.02), structs.replace(sure, height_m=0.09, height_sd_m=0.013)
     weights = [table_of(rock)[0, 5] for rock in (sure, vague, higher)]
     assert weights[0] < weights[1] < weights[2]
+
+
+def test_a_rock_stays_what_it_was_judged_until_another_is_plainly_right() -> None:
+    def now_hard(before_m: float, now_m: float) -> bool:
+        heights = (before_m, now_m)
+        low, then = (remember(empty_memory(np.zeros(2)), one_rock(height_m), np.zeros(2)).rocks for height_m in heights)
+        before = judged(low, DriveModel(), CLIMB_M)
+        table = obstacles(replace(then, judged=before.judged), DriveModel(), CLIMB_M)
+        return bool(table[0, 6])
+
+    limit_m = 1.15 * CLIMB_M - 0.01 * 1.5 * np.log(1 / 0.135 - 1) / 1.702  # where the belly meets it with 13.5 %
+    assert [now_hard(h, h) for h in (limit_m - 0.001, limit_m + 0.001)] == [False, True]
+    assert not now_hard(0.06, limit_m + 0.002)
+    assert now_hard(0.14, limit_m - 0.002)
+    assert now_hard(0.06, limit_m + 0.005)
+    assert not now_hard(0.14, limit_m - 0.005)
 
 
 def test_a_wheel_may_take_the_flank_of_a_low_rock_only() -> None:
