@@ -10,14 +10,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from planner.ground_cells import GroundCells, sample_grid
+from planner.ground_cells import GroundCells, nearest_views, sample_grid
 from planner.map_kernels import cost_to_go, metre_costs
 from planner.obstacle_map import DriveModel, let_leave, near, obstacle_grid
 from worlds.types import FloatArray, IntArray
 
 STEP_M = 0.15
 HALF_SIZE_M = 13.5
-UNSEEN_COST = 0.5
+UNSEEN_COST = (0.5, 2.0)  # least and most: ground unseen is taken to be as what was seen
 HILL_COST = 0.8
 NEAR_COST = 1.0
 ROUGH_COST = 0.4
@@ -64,7 +64,8 @@ def goal_field(
     drive: DriveModel,
 ) -> GoalField:
     """Field around ``place_w`` (2,) of the cost to get well inside ``goal_radius_m`` of ``goal_w`` (2,)."""
-    low = place_w - HALF_SIZE_M
+    # Cells that moved along with the rover would open and close narrow gaps from look to look.
+    low = STEP_M * np.round((place_w - HALF_SIZE_M) / STEP_M)
     count = round(2 * HALF_SIZE_M / STEP_M) + 1
     high = low + STEP_M * (count - 1)
     table = let_leave(near(table_w, place_w, 1.5 * HALF_SIZE_M), place_w, need_m)
@@ -73,7 +74,9 @@ def goal_field(
     unseen, rough = sample_grid(cells, frame, (0.0, 0.0, STEP_M, STEP_M), (count, count))
     prices = (HILL_COST, NEAR_COST, UNSEEN_COST, ROUGH_COST, GAP_COST)
     gaps = (*drive.doubt_range_m, drive.doubt_gap_m)
-    cost = metre_costs(grid.clearance_m, grid.hill, unseen, rough, need_m, drive.comfort_m, STEP_M, gaps, prices)
+    # What is doubted is judged by how near it was ever seen: a gap that proved too narrow stays so for who backs out.
+    away = nearest_views(cells, place_w, low, STEP_M, (count, count))
+    cost, fresh = metre_costs(grid.clearance_m, grid.hill, unseen, rough, away, need_m, drive.comfort_m, gaps, prices)
     axis = STEP_M * np.arange(count)
     distance = np.hypot((low[0] + axis - goal_w[0])[:, None], low[1] + axis - goal_w[1])
     seeds = np.full((count, count), np.inf)
@@ -82,7 +85,7 @@ def goal_field(
         border[[0, -1], :] = border[:, [0, -1]] = True
         seedable = border & np.isfinite(cost)
         # Beyond the square the way is unknown: it is charged as unseen ground.
-        seeds[seedable] = (1.0 + UNSEEN_COST) * distance[seedable]
+        seeds[seedable] = fresh * distance[seedable]
     else:
         at_goal = (distance <= max(0.7 * goal_radius_m, STEP_M)) & np.isfinite(cost)
         seeds[at_goal] = distance[at_goal]

@@ -158,6 +158,20 @@ def sample_grid(
     return unseen, rough
 
 
+def nearest_views(
+    cells: GroundCells, place_w: FloatArray, low_w: FloatArray, step_m: float, shape: tuple[int, int]
+) -> Layer:
+    """Distance ``shape`` (nx, ny) from which places were seen at the nearest, in metres; now, where they never were.
+
+    The places lie ``step_m`` apart from ``low_w`` (2,) on; the rover is at ``place_w`` (2,).
+    """
+    place, low = ((float(point[0]), float(point[1])) for point in (place_w, low_w))
+    away: Layer = kernels.nearest_views(
+        cells.source, cells.variance_m2, cells.origin_w, CELL_M, VIEW_ERROR, place, low, step_m, shape
+    )
+    return away
+
+
 def recentre(cells: GroundCells, place_w: FloatArray) -> GroundCells:
     """The same cells, moved so that ``place_w`` (2,) lies about the middle of the window."""
     middle = cells.origin_w + CELLS * CELL_M / 2

@@ -122,3 +122,35 @@ def sample_grid(
             known = 0 <= column < columns and 0 <= row < rows
             unseen[i, j] = 0.0 if known and sources[row, column] > 0 else 1.0
             rough[i, j] = roughness[row, column] if known else 0.0
+
+
+@nb.njit(cache=True)
+def nearest_views(
+    sources: ByteArray,
+    variance: Layer,
+    first: FloatArray,
+    cell: float,
+    errors: tuple[float, float],
+    place: tuple[float, float],
+    low: tuple[float, float],
+    step: float,
+    shape: tuple[int, int],
+) -> Layer:
+    """Distance ``shape`` (nx, ny) from which places were seen at the nearest, or are now where they never were.
+
+    The places lie ``step`` apart from ``low`` on; ``place`` is the rover's. A view's error of height, ``errors`` at the
+    rover and a metre away, tells how far off it was.
+    """
+    rows, columns = sources.shape
+    away = np.empty(shape, dtype=np.float32)
+    for i in range(shape[0]):
+        x = low[0] + i * step
+        column = floor((x - first[0]) / cell)
+        for j in range(shape[1]):
+            y = low[1] + j * step
+            row = floor((y - first[1]) / cell)
+            now = sqrt((x - place[0]) ** 2 + (y - place[1]) ** 2)
+            if 0 <= column < columns and 0 <= row < rows and sources[row, column] > 0:
+                now = min(now, max(sqrt(variance[row, column]) - errors[0], 0.0) / errors[1])
+            away[i, j] = now
+    return away

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import hypot, sqrt
+from math import sqrt
 
 import numba as nb
 import numpy as np
@@ -157,34 +157,44 @@ def metre_costs(
     hill: Layer,
     unseen: Layer,
     rough: Layer,
+    away: Layer,
     need: float,
     comfort: float,
-    step: float,
     gaps: tuple[float, float, float],
-    prices: tuple[float, float, float, float, float],
-) -> FloatArray:
-    """Cost of a metre at each cell, inf nearer than ``need`` to a hard rock.
+    prices: tuple[float, float, tuple[float, float], float, float],
+) -> tuple[FloatArray, float]:
+    """Cost of a metre at each cell, inf nearer than ``need`` to a hard rock; and what one of ground unseen costs.
 
-    The rover stands in the middle. ``gaps``: how far off a gap must lie to count as doubtful at all and wholly, and by
-    how much it may then seem too narrow, all in metres. ``prices``: of the hilly field, nearness, unseen ground, rough
-    ground, and a gap that seems too narrow by so much.
+    ``away``: how far off each cell was seen. ``gaps``: how far off a gap must be to count as doubtful at all and
+    wholly, and by how much it may then seem too narrow, all in metres. ``prices``: of the hilly field, nearness,
+    unseen ground (least and most), rough ground, and a gap that seems too narrow by so much. Unseen ground is no better
+    than what was seen: it costs the harmonic mean of that, blocked cells included.
     """
-    hilly, near, unknown, roughness, doubtful = prices
+    hilly, near, (least, most), roughness, doubtful = prices
     near_m, far_m, most_m = gaps
     nx, ny = clearance.shape
     cost = np.empty((nx, ny))
+    eased, seen = 0.0, 0
     for i in range(nx):
         for j in range(ny):
             close = min(max((need + comfort - clearance[i, j]) / comfort, 0.0), 1.0)
-            ground = unknown if unseen[i, j] > 0.5 else roughness * rough[i, j]
-            value = 1.0 + hilly * hill[i, j] + near * close * close + ground
+            value = 1.0 + hilly * hill[i, j] + near * close * close
             if clearance[i, j] < need:
-                away = step * hypot(i - 0.5 * (nx - 1), j - 0.5 * (ny - 1))
-                allowed = most_m * min(max((away - near_m) / (far_m - near_m), 0.0), 1.0)
+                allowed = most_m * min(max((away[i, j] - near_m) / (far_m - near_m), 0.0), 1.0)
                 short = need - clearance[i, j]
                 value = value + doubtful * short / most_m if short < allowed else np.inf
+            if unseen[i, j] <= 0.5:
+                value += roughness * rough[i, j]
+                eased += 1.0 / value
+                seen += 1
             cost[i, j] = value
-    return cost
+    # Where all that was seen is blocked nothing can be told, but a price without bound would end every search.
+    fresh = 1.0 + least if seen == 0 else 1.0 + min(max(seen / max(eased, 1e-9) - 1.0, least), most)
+    for i in range(nx):
+        for j in range(ny):
+            if unseen[i, j] > 0.5:
+                cost[i, j] += fresh - 1.0
+    return cost, fresh
 
 
 @nb.njit(cache=True)

@@ -16,7 +16,7 @@ from planner.monitor import tilt
 from planner.obstacle_map import NO_OBSTACLES, Area, fence, judged, let_leave, obstacles, segment_clearance
 from planner.recovery import Ladder, Manoeuvre, finished, next_manoeuvre
 from planner.room import jam, turn_range
-from planner.row_search import Candidate
+from planner.row_search import Candidate, EndCost
 from planner.terrain_map import MemoryModel, TerrainMemory, empty_memory, remember, remember_scan
 from planner.track import NO_TRACK, note
 from worlds.geometry import euler_from_quaternion, rotation_from_quaternion
@@ -25,7 +25,9 @@ from worlds.types import FloatArray, Footprint, Observation, PoseEstimate, Range
 LEAST_WAY_M = 0.3  # a shorter way ends where the rover stands, as path following sees it
 TURN_ON_SPOT_RAD = float(np.deg2rad(55.0))  # path following does such turns on the spot
 TURNING_RAD = float(np.deg2rad(35.0))  # off its way, the rover is turning onto it
+REJOIN_M, ROLLS_ON_M = 0.8, 0.3  # of a way, where a rover beside it is back on it; and before it has turned
 AROUND_M = 3.5  # of what the scanner saw, for manoeuvres
+GOES_ON_M = 1.0  # of a way that is free ahead
 STANDING_M = 0.4  # of ground around the rover that is known for it stands there
 MOST_AVOIDED = 3  # places of trouble
 SWEPT_M = 1.5  # of a way that begins with a bend, on ground that was seen
@@ -45,6 +47,7 @@ class NavigatorModel:
     keep_share: float = 0.06  # and by this share
     extend_below_m: float = 3.8  # a way that ends sooner, and not at the goal, is renewed
     off_way_m: float = 0.45
+    blocked_m: float = 1.2  # a way that is blocked farther off is as good as what is free of it
     wobble_m: float = 0.05  # a rock that moves so much into a way does not break it
     arrival_share: tuple[float, float] = (0.8, 0.9)  # of the goal's radius, at least and at most ...
     arrival_sigmas: float = 2.0  # ... within which the rover is there although it errs by so many sigmas
@@ -191,6 +194,8 @@ def _decide(state: NavigatorState, place: Place, time_s: float) -> tuple[Navigat
     choice = choose(state.memory, table, place, state.models, detour=state.detour)
     if choice.way is not None and choice.way.length_m > LEAST_WAY_M:
         return _drive(state, choice, table, place)
+    if state.way is not None and _goes_on(state, table, place):
+        return state, replace(state.way, changed=False)
     return _recover(state, choice, table, place, time_s)
 
 
@@ -380,20 +385,57 @@ def _still_good(
 ) -> bool:
     """Whether the rest (N, 2) of the present way is free, long enough and not much worse than the fresh one."""
     model, models = state.model, state.models
-    if np.hypot(*(rest[0] - place.position_w)) > model.off_way_m:
-        return False
-    ends_at_goal = np.hypot(*(rest[-1] - state.goal_w)) < 0.1
     whole = 0.0 if state.way is None else _length(state.way.waypoints_w)
-    narrow = state.way is not None and state.way.narrow
+    ends_at_goal = np.hypot(*(rest[-1] - state.goal_w)) < 0.1
     if not ends_at_goal and _length(rest) < min(model.extend_below_m, 0.5 * whole):
         return False
-    need = models.drive.need_m(models.footprint, squeeze=choice.squeeze or narrow) - model.wobble_m
-    points = dense(rest, 0.25)
-    away = np.hypot(*(points[1:] - place.position_w).T)
-    if (segment_clearance(table, points) + models.drive.doubt_m(away)).min(initial=np.inf) < need:
+    free = _free_part(state, rest, table, place, choice.to_go, squeeze=choice.squeeze)
+    if not len(free):
         return False
-    old, new = (way_cost(way, state.memory, table, place, models, choice.to_go) for way in (rest, fresh.waypoints_w))
+    old, new = (way_cost(way, state.memory, table, place, models, choice.to_go) for way in (free, fresh.waypoints_w))
     return old < new + model.keep_gain_m + model.keep_share * new
+
+
+def _goes_on(state: NavigatorState, table: FloatArray, place: Place) -> bool:
+    """Whether the present way leads on although the search finds none: narrow gaps may fall between its cells."""
+    if state.way is None:
+        return False
+    rest = _rest(state.way.waypoints_w, np.asarray(place.position_w))
+    free = _free_part(state, rest, table, place, None, squeeze=True)
+    return len(free) > 0 and _length(free) > GOES_ON_M and abs(turn_onto(rest, place)) < TURNING_RAD
+
+
+def _free_part(
+    state: NavigatorState, rest: FloatArray, table: FloatArray, place: Place, to_go: EndCost | None, *, squeeze: bool
+) -> FloatArray:
+    """The rest of a way (N, 2) as far as it is free and something leads on from there, (M, 2).
+
+    What closes far off may open again. None of it where the rover is beside the way, or it is blocked near by.
+    """
+    model, drive = state.model, state.models.drive
+    narrow = squeeze or (state.way is not None and state.way.narrow)
+    need = drive.need_m(state.models.footprint, squeeze=narrow) - model.wobble_m
+    points = dense(_rejoined(rest, place), 0.25)
+    away = np.hypot(*(points - place.position_w).T)
+    around = let_leave(table, np.asarray(place.position_w), need)
+    shut = np.flatnonzero(segment_clearance(around, points) + drive.doubt_m(away[1:]) < need)
+    free = points if not len(shut) else points[: shut[0] + 1]
+    if to_go is not None:
+        leads = np.flatnonzero(np.isfinite(to_go(free)))
+        free = free[: leads[-1] + 1] if len(leads) else free[:0]
+    blocked = len(free) < len(points) and (not len(free) or _length(free) < model.blocked_m)
+    return free[:0] if blocked or np.hypot(*(rest[0] - place.position_w)) > model.off_way_m else free
+
+
+def _rejoined(rest: FloatArray, place: Place) -> FloatArray:
+    """A way (N, 2) as it will be driven from beside it: on as the rover points, if it will not turn first, and back."""
+    arcs = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(rest, axis=0), axis=1))])
+    beyond = rest[arcs > min(REJOIN_M, arcs[-1] - 1e-6)]
+    here = np.asarray(place.position_w)
+    if abs(turn_onto(rest, place)) > TURNING_RAD:
+        return np.vstack([here, beyond])
+    ahead = here + ROLLS_ON_M * np.array([np.cos(place.heading_rad), np.sin(place.heading_rad)])
+    return np.vstack([here, ahead, beyond])
 
 
 def _length(way_w: FloatArray) -> float:

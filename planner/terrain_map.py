@@ -205,6 +205,9 @@ def _fuse(rocks: RockMemory, views: RockMemory, match: Index, model: MemoryModel
     if len(index) == 0:
         return rocks
     old, new = rocks.select(index), views.select(match[index])
+    # What shows less of a rock than is known of it, cut off or hidden, may be any part of it.
+    lacking = 0.5 * np.maximum(old.length_m - new.length_m, 0.0)
+    new = replace(new, covariance=new.covariance + lacking[:, None, None] ** 2 * np.eye(2))
     old_trace, new_trace = (np.trace(part.covariance, axis1=1, axis2=2) for part in (old, new))
     old_share = (new_trace / (old_trace + new_trace))[:, None, None]
     old_information = old_share * np.linalg.inv(old.covariance)

@@ -154,3 +154,11 @@ def test_what_hides_behind_a_rock_is_not_seen() -> None:
     cells = gc.take_in(gc.empty_cells(HERE), gc.camera_view(seen(0.0, tall), HERE))
     known = gc.sample(cells, np.array([[4.0, 0.0], [4.0, 1.0], [2.5, 0.0]]))[0]
     assert known.tolist() == [False, True, True]
+
+
+def test_a_part_of_a_rock_leaves_it_where_it_was_seen_whole() -> None:
+    whole = seen(0, rock(3.0, 0.0, sd=0.05, size=0.9))
+    part = seen(1, rock(3.0, 0.3, sd=0.05, size=0.3))
+    assert abs(after(whole, part).rocks.centre_w[0, 1]) < 0.02
+    again = seen(1, rock(3.0, 0.1, sd=0.05, size=0.9))
+    assert after(whole, again).rocks.centre_w[0, 1] > 0.04

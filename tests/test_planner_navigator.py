@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from planner import navigator
+from planner.choice import Choice
 from tests.planner_factory import FOOTPRINT, DiscWorld, look, pose_at, rock_field, traverse
 
 WALL = [(6.0, float(y), 0.3) for y in np.arange(-7, 7.1, 0.5)]
@@ -93,6 +94,36 @@ def test_a_free_way_is_kept() -> None:
     assert second.waypoints_w is first.waypoints_w
     assert len(first.candidates) >= 2
     assert 0.0 <= first.risk <= 1.0
+
+
+def on_its_way(wall: list[tuple[float, float, float]], x_m: float) -> tuple[bool, str]:
+    """Whether a rover keeps its straight way when a wall across it is seen from a place 10 m before the goal."""
+    state = navigator.begin((10.0, 0.0), 0.5, FOOTPRINT, (0.0, 0.0))
+    for x in np.arange(0.0, x_m, 0.25):
+        state, _ = navigator.step(state, look(DiscWorld.of([]), np.array([x, 0, 0]), x, None), pose_at(x, 0, 0), x)
+    seen = look(DiscWorld.of(wall), np.array([x_m, 0, 0]), 9.0, None)
+    _, decision = navigator.step(state, seen, pose_at(x_m, 0, 0), 9.0)
+    return not decision.changed, decision.kind
+
+
+def test_a_way_that_is_blocked_far_off_is_kept_until_it_is_near() -> None:
+    # Round the wall by either side costs about as much from here as from 2 m nearer to it.
+    wall = [(7.0, float(y), 0.3) for y in np.arange(-1.5, 1.6, 0.5)]
+    assert on_its_way(wall, 1.0) == (True, "drive")
+    assert on_its_way(wall, 5.5) != (True, "drive")
+
+
+def test_a_way_that_leads_on_is_kept_where_the_search_finds_none(monkeypatch: pytest.MonkeyPatch) -> None:
+    state = navigator.begin((10.0, 0.0), 0.5, FOOTPRINT, (0.0, 0.0))
+    none = Choice(None, 0.0, (), (), detour=True, squeeze=True, enclosed=True, reason="no row is free")
+    state, first = navigator.step(state, look(DiscWorld.of([]), np.zeros(3), 0.0, None), pose_at(0, 0, 0), 0.0)
+    monkeypatch.setattr(navigator, "choose", lambda *_args, **_named: none)
+    _, kept = navigator.step(state, look(DiscWorld.of([]), np.zeros(3), 0.5, None), pose_at(0.05, 0, 0), 0.5)
+    assert kept.waypoints_w is first.waypoints_w
+    assert not kept.changed
+    rock = look(DiscWorld.of([(1.5, 0.0, 0.3)]), np.zeros(3), 0.5, None)
+    assert navigator.step(state, rock, pose_at(0.05, 0, 0), 0.5)[1].kind != "drive"
+    assert navigator.step(state, None, pose_at(0.05, 0, 1.0), 0.5)[1].kind != "drive"
 
 
 def test_no_picture_yet_is_no_reason_to_fail() -> None:

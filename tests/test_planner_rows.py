@@ -10,14 +10,23 @@ from hypothesis import strategies as st
 from planner import obstacle_map as om
 from planner import row_kernels as kernels
 from planner.choice import Models, Place, choose
-from planner.goal_field import goal_field
-from planner.ground_cells import driven_view, empty_cells, take_in
-from planner.map_kernels import cost_to_go
+from planner.goal_field import STEP_M, goal_field
+from planner.ground_cells import (
+    VIEW_ERROR,
+    GroundCells,
+    Source,
+    View,
+    driven_view,
+    empty_cells,
+    nearest_views,
+    take_in,
+)
+from planner.map_kernels import Layer, cost_to_go, metre_costs
 from planner.room import jam, turn_range
 from planner.row_search import RowSearch, Task, search
 from planner.terrain_map import RockMemory, empty_memory, remember, rock_at
 from tests.planner_factory import FOOTPRINT
-from worlds.types import FloatArray, Observation, PerceivedRock
+from worlds.types import FloatArray, GroundPlane, Observation, PerceivedRock
 
 DRIVE = om.DriveModel()
 NEED = DRIVE.need_m(FOOTPRINT)
@@ -172,6 +181,61 @@ def test_a_far_gap_that_seems_too_narrow_is_worth_a_look_and_a_near_one_is_not()
         table(*closed), CELLS, np.zeros(2), np.array([8.0, 0.0]), 0.5, NEED, DRIVE
     ).at(np.zeros((1, 2)))[0] > 20.0  # fmt: skip
     assert DRIVE.doubt_m(np.array([0.0, 1.5, 2.5, 9.0])) == pytest.approx([0.0, 0.0, 0.06, 0.12])
+
+
+def test_a_gap_that_proved_too_narrow_from_near_stays_so_for_who_backs_out() -> None:
+    side = NEED - 0.08 + 0.3
+    wall = [(4.0, y, 0.3) for end in (-1.0, 1.0) for y in end * np.arange(side, 12.0, 0.5)]
+    plane = GroundPlane(np.zeros(3), np.array([0.0, 0.0, 1.0]))
+    square = np.array([[0.0, -3.0], [6.0, -3.0], [6.0, 3.0], [0.0, 3.0]])
+
+    def seen_from(x_m: float) -> GroundCells:
+        return take_in(CELLS, View(np.array([x_m, 0.0]), (square,), plane, VIEW_ERROR, 0.0, Source.CAMERA))
+
+    def cost(cells: GroundCells) -> float:
+        field = goal_field(table(*wall), cells, np.zeros(2), np.array([8.0, 0.0]), 0.5, NEED, DRIVE)
+        return float(field.at(np.zeros((1, 2)))[0])
+
+    assert cost(seen_from(0.5)) < 16.0
+    assert cost(seen_from(3.2)) > 20.0
+
+
+def test_places_never_seen_are_as_far_off_as_they_are_and_others_as_near_as_they_were_seen() -> None:
+    plane = GroundPlane(np.zeros(3), np.array([0.0, 0.0, 1.0]))
+    square = np.array([[1.0, -0.5], [2.0, -0.5], [2.0, 0.5], [1.0, 0.5]])
+    cells = take_in(CELLS, View(np.array([1.5, 0.0]), (square,), plane, VIEW_ERROR, 0.0, Source.CAMERA))
+    away = nearest_views(cells, np.array([-2.0, 0.0]), np.array([0.0, 0.0]), 0.75, (3, 1))
+    assert away[:, 0] == pytest.approx([2.0, 2.75, 0.0], abs=0.05)  # the second is 0.25 m beside the square
+
+
+def test_ground_unseen_costs_as_much_as_what_was_seen() -> None:
+    shape = (1, 4)
+    unseen = np.array([[0.0, 0.0, 0.0, 1.0]], dtype=np.float32)
+    clear = np.array([[5.0, 5.0, 0.0, 5.0]], dtype=np.float32)
+    hill, flat = np.array([[0.0, 2.0, 0.0, 0.0]], dtype=np.float32), np.zeros(shape, dtype=np.float32)
+    prices = (1.0, 1.0, (0.5, 2.0), 1.0, 10.0)
+
+    def costs(hill: Layer) -> tuple[FloatArray, float]:
+        return metre_costs(clear, hill, unseen, flat, flat, 0.4, 0.3, (1.5, 3.5, 0.12), prices)
+
+    cost, fresh = costs(hill)
+    # A metre of what was seen costs 1 and 3, and one cell is blocked: 3 / (1 + 1/3 + 0).
+    assert cost[0] == pytest.approx([1.0, 3.0, np.inf, 2.25])
+    assert fresh == pytest.approx(2.25)
+    assert costs(flat)[1] == pytest.approx(1.5)  # never less than the price of not knowing
+    assert costs(np.full(shape, 99.0, dtype=np.float32))[1] == pytest.approx(
+        3.0
+    )  # nor so much that nothing is looked at
+
+
+def test_cells_of_the_field_stay_where_they_are_while_the_rover_moves() -> None:
+    goal = np.array([8.0, 0.0])
+    here, there = (
+        goal_field(table((4.0, 0.0, 0.3)), CELLS, np.array(place), goal, 0.5, NEED, DRIVE)
+        for place in ((0.0, 0.0), (0.31, -0.17))
+    )
+    shift = (there.origin_w - here.origin_w) / STEP_M
+    assert shift == pytest.approx(np.round(shift), abs=1e-6)
 
 
 def test_rocks_at_the_wheels_jam_a_turn_by_their_heights() -> None:
