@@ -116,8 +116,8 @@ def belly_meets(layers: GroundLayers, over_m: float, costs: SlopeCosts) -> Float
 
     A break between the wheels as high as the belly does; the map tells it over its own squares, taken as alike.
     """
-    short = costs.break_rise * over_m - layers.step_m
-    return np.asarray(ndtr(-short / np.maximum(layers.step_sd_m, 1e-9)))
+    short = costs.break_rise * over_m - layers.break_m
+    return np.asarray(ndtr(-short / np.maximum(layers.break_sd_m, 1e-9)))
 
 
 def plan_route(map_: CostMap, start_w: Place, goal_w: Place, model: RouteModel | None = None) -> Route:

@@ -20,7 +20,7 @@ from worlds.types import BoolArray, FloatArray, HeightField, IntArray
 KNOWLEDGE = Path(__file__).parent / "knowledge" / "route.toml"
 INPUTS = {"ground": {"slope_deg", "roughness_m"}, "index": {"ease", "step_m", "softness"}}
 ROVER_M = 1.2  # length of ground that carries the rover: planes are fitted to squares of at least this side
-STEP_SD_SHARE = 0.6  # of the error of heights that is left in a break: found .58 in the yard, .2 to .4 on made ground
+BREAK_SD_SHARE = 0.6  # of the error of heights that is left in a break: found .58 in the yard, .2 to .4 on made ground
 TABLE = 81  # entries of a look-up table of the rules along each input
 
 
@@ -54,8 +54,9 @@ class GroundLayers:
     rise_y: FloatArray
     level: IntArray  # see `route_cost.error_level`: the error of both
     roughness_m: FloatArray  # rms about that plane, less what the errors of the heights explain
-    step_m: FloatArray  # largest distance from it within the square, less two sigma of heights as measured
-    step_sd_m: FloatArray  # one sigma of that
+    step_m: FloatArray  # largest distance from it within the square, less two sigma
+    break_m: FloatArray  # the same as the map has it, where that is of likeliest heights
+    break_sd_m: FloatArray  # one sigma of that
     known: BoolArray  # the whole square has heights
 
     @property
@@ -68,8 +69,7 @@ def ground_layers(ground: ElevationMap) -> GroundLayers:
     """Planes fitted by least squares to the square of `ROVER_M`, three cells at least, around each cell.
 
     At the edge the map goes on as it ends. Cells that nobody measured are unknown, and so are those right beside them.
-    Noise in heights as measured makes roughness and breaks seem larger, and is taken out; likeliest heights have it no
-    longer.
+    Noise in heights as measured makes breaks seem larger than they are; in likeliest ones it does so no longer.
     """
     cell = ground.field.resolution_m
     reach = square_reach(cell)
@@ -83,17 +83,19 @@ def ground_layers(ground: ElevationMap) -> GroundLayers:
     squares = ndimage.uniform_filter(heights**2, side, mode="nearest")
     noise = ndimage.uniform_filter(ground.variance_m2, side, mode="nearest")
     rest = squares - mean**2 - (rise[0] ** 2 + rise[1] ** 2) * spread / side**2
-    in_heights = np.zeros_like(noise) if ground.likeliest else noise
-    explained = in_heights * (1.0 - 3.0 / side**2)  # three degrees of freedom went into the plane
+    explained = noise * (1.0 - 3.0 / side**2)  # three degrees of freedom went into the plane
     known = ndimage.minimum_filter(measured, 3, mode="nearest")
     error = np.sqrt(noise / spread) / cell
+    steps = _breaks(heights, mean, rise, reach, noise)
+    breaks = _breaks(heights, mean, rise, reach, np.zeros_like(noise)) if ground.likeliest else steps
     return GroundLayers(
         np.where(known, rise[0] / cell, 0.0),
         np.where(known, rise[1] / cell, 0.0),
         error_level(np.asarray(error)),
         np.sqrt(np.maximum(rest - explained, 0.0)),
-        _breaks(heights, mean, rise, reach, in_heights),
-        STEP_SD_SHARE * np.sqrt(noise),
+        steps,
+        breaks,
+        BREAK_SD_SHARE * np.sqrt(noise),
         known,
     )
 
