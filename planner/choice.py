@@ -14,7 +14,7 @@ import numpy as np
 from planner.goal_field import STEP_M, GoalField, goal_field
 from planner.ground_cells import sample
 from planner.obstacle_map import MAX_CLEARANCE_M, DriveModel, Frame2, let_leave, near, obstacle_grid, segment_clearance
-from planner.room import turn_range
+from planner.room import jam, turn_range
 from planner.row_search import Candidate, EndCost, RowModel, RowSearch, Task, room_for, search
 from planner.terrain_map import TerrainMemory
 from planner.traversability import PathFeatures, TraversabilityRules, traversability
@@ -84,12 +84,19 @@ def choose(memory: TerrainMemory, table_w: FloatArray, place: Place, models: Mod
             )
     fields = [_field(memory, table_w, place, models, squeeze=squeeze) for squeeze in (False, True)]
     wide, narrow = (float(field.at(np.array([place.position_w]))[0]) for field in fields)
-    through = narrow * SQUEEZE_SHARE + SQUEEZE_M < wide  # a long way round is no better than a narrow gap
+    ways, costs = zip(
+        *(
+            _setting_out(memory, table_w, place, models, field, squeeze=squeeze)
+            for squeeze, field in zip((False, True), fields, strict=True)
+        ),
+        strict=True,
+    )
+    through = costs[True] * SQUEEZE_SHARE + SQUEEZE_M < costs[False]  # a long way round is no better than a narrow gap
     for squeeze in (True, False) if through else (False, True):
         here = narrow if squeeze else wide
         if not np.isfinite(here):
             continue
-        choice = _round(memory, table_w, place, models, fields[squeeze], here, squeeze=squeeze)
+        choice = _round(memory, table_w, place, models, fields[squeeze], here, ways[squeeze], squeeze=squeeze)
         if choice is not None:
             return replace(choice, to_go=fields[True].at)
     enclosed = not np.isfinite(narrow)
@@ -236,15 +243,15 @@ def _round(
     models: Models,
     field: GoalField,
     here: float,
+    way: FloatArray,
     *,
     squeeze: bool,
 ) -> Choice | None:
-    """A way that ends nearer to the goal by the field: the straight one if as good, else by a sub-goal."""
+    """A way that ends nearer to the goal by the field: the straight one if as good, else by a sub-goal on ``way``."""
     direct = _direct(memory, table_w, place, models, squeeze=squeeze, end_cost=field.at)
     if direct.candidates and direct.blocked_row is None and direct.candidates[0].cost < 1.15 * here + 0.5:
         reason = "free rows to the goal again" if not squeeze else "a narrow way to the goal"
         return _chosen(direct, table_w, place, models, detour=False, squeeze=squeeze, reason=reason)
-    way = _setting_out(memory, table_w, place, models, field, squeeze=squeeze)
     if len(way) < 2:
         return None
     arcs = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(way, axis=0), axis=1))])
@@ -262,33 +269,37 @@ def _round(
 
 def _setting_out(
     memory: TerrainMemory, table_w: FloatArray, place: Place, models: Models, field: GoalField, *, squeeze: bool
-) -> FloatArray:
-    """The field's way (N, 2) from the rover on, the first turn counted too; empty if none leads on.
+) -> tuple[FloatArray, float]:
+    """The field's way (N, 2) from the rover on, empty if none leads on, and its cost with its first turns.
 
     The field does not know where the rover looks: a way that goes on ahead may cost less than the field's own with its
-    turn. So straight first stretches in all directions are compared with that one.
+    turn. So straight first stretches in all directions are compared with that one, each with the turn at its end.
     """
     position, need = np.asarray(place.position_w), models.drive.need_m(models.footprint, squeeze=squeeze)
-    own = field.way(position, max(SUB_GOALS_M))
-    turns = np.linspace(-np.pi, np.pi, DIRECTIONS, endpoint=False)
-    ends = position + SET_OUT_M * np.stack(
-        [np.cos(place.heading_rad + turns), np.sin(place.heading_rad + turns)], axis=1
-    )
-    there_and_back = np.stack([np.broadcast_to(position, ends.shape), ends], axis=1).reshape(-1, 2)
-    around = let_leave(near(table_w, position, SET_OUT_M + MAX_CLEARANCE_M), position, need)
-    right, left = _room(memory, table_w, place, models)
-    free = (segment_clearance(around, there_and_back)[::2] >= need) & room_for(turns, (right, left))
-    radian = TURN_M * dearer_turns(place)
-    cost = np.where(free, field.at(ends) + radian * np.abs(turns), np.inf)
-    best = int(np.argmin(cost))
-    if not np.isfinite(cost[best]):
-        return own
+    own, radian = field.way(position, max(SUB_GOALS_M)), TURN_M * dearer_turns(place)
+    own_cost = np.inf
     if len(own) > 1:
         end = own[min(round(SET_OUT_M / STEP_M), len(own) - 1)]
         turn = abs(wrap_angle(float(np.arctan2(*(end - position)[::-1])) - place.heading_rad))
-        if float(field.at(end[None])[0]) + radian * turn <= cost[best]:
-            return own
-    return np.vstack([position, field.way(ends[best], max(SUB_GOALS_M) - SET_OUT_M)])
+        own_cost = float(field.at(end[None])[0]) + radian * turn
+    headings = place.heading_rad + np.linspace(-np.pi, np.pi, DIRECTIONS, endpoint=False)
+    ends = position + SET_OUT_M * np.stack([np.cos(headings), np.sin(headings)], axis=1)
+    there_and_back = np.stack([np.broadcast_to(position, ends.shape), ends], axis=1).reshape(-1, 2)
+    around = let_leave(near(table_w, position, SET_OUT_M + MAX_CLEARANCE_M), position, need)
+    right, left = _room(memory, table_w, place, models)
+    free = segment_clearance(around, there_and_back)[::2] >= need
+    free &= room_for(headings - place.heading_rad, (right, left))
+    cost = np.where(free, field.at(ends) + radian * np.abs(headings - place.heading_rad), np.inf)
+    for n in np.flatnonzero(cost < own_cost):
+        onward = field.way(ends[n], SET_OUT_M)
+        if len(onward) > 1:
+            turn = abs(wrap_angle(float(np.arctan2(*(onward[-1] - ends[n])[::-1])) - headings[n]))
+            there = replace(place, jam=float(jam(memory.rocks, ends[n], models.footprint)))
+            cost[n] += TURN_M * dearer_turns(there) * turn
+    best = int(np.argmin(cost))
+    if cost[best] >= own_cost or not np.isfinite(cost[best]):
+        return own, own_cost
+    return np.vstack([position, field.way(ends[best], max(SUB_GOALS_M) - SET_OUT_M)]), float(cost[best])
 
 
 def _ahead(

@@ -25,7 +25,7 @@ from worlds.types import FloatArray, Footprint, Observation, PoseEstimate, Range
 LEAST_WAY_M = 0.3  # a shorter way ends where the rover stands, as path following sees it
 TURN_ON_SPOT_RAD = float(np.deg2rad(55.0))  # path following does such turns on the spot
 TURNING_RAD = float(np.deg2rad(35.0))  # off its way, the rover is turning onto it
-REJOIN_M, ROLLS_ON_M = 0.8, 0.3  # of a way, where a rover beside it is back on it; and before it has turned
+BESIDE_M, ROLLS_ON_M = 0.15, 0.7  # of its way a rover errs; and how far it looks straight ahead then
 AROUND_M = 3.5  # of what the scanner saw, for manoeuvres
 GOES_ON_M = 1.0  # of a way that is free ahead
 STANDING_M = 0.4  # of ground around the rover that is known for it stands there
@@ -319,7 +319,7 @@ def _place(state: NavigatorState, estimate: PoseEstimate) -> Place:
     yaw = euler_from_quaternion(estimate.pose.quaternion_w)[2]
     slope_deg, speed = float(np.rad2deg(state.slope_rad)), float(np.linalg.norm(estimate.velocity_w[:2]))
     bold, downhill = state.ladder.bold, state.downhill_w
-    held = jam(state.memory.rocks, estimate.pose.position_w[:2], state.models.footprint)
+    held = float(jam(state.memory.rocks, estimate.pose.position_w[:2], state.models.footprint))
     return Place((x, y), yaw, state.goal_w, state.goal_radius_m, slope_deg, bold, speed, downhill, held)
 
 
@@ -415,27 +415,25 @@ def _free_part(
     model, drive = state.model, state.models.drive
     narrow = squeeze or (state.way is not None and state.way.narrow)
     need = drive.need_m(state.models.footprint, squeeze=narrow) - model.wobble_m
-    points = dense(_rejoined(rest, place), 0.25)
+    points = dense(rest, 0.25)
     away = np.hypot(*(points - place.position_w).T)
-    around = let_leave(table, np.asarray(place.position_w), need)
-    shut = np.flatnonzero(segment_clearance(around, points) + drive.doubt_m(away[1:]) < need)
+    shut = np.flatnonzero(segment_clearance(table, points) + drive.doubt_m(away[1:]) < need)
     free = points if not len(shut) else points[: shut[0] + 1]
     if to_go is not None:
         leads = np.flatnonzero(np.isfinite(to_go(free)))
         free = free[: leads[-1] + 1] if len(leads) else free[:0]
     blocked = len(free) < len(points) and (not len(free) or _length(free) < model.blocked_m)
-    return free[:0] if blocked or np.hypot(*(rest[0] - place.position_w)) > model.off_way_m else free
+    return free[:0] if blocked or away[0] > model.off_way_m or _strays(state, away[0], table, place) else free
 
 
-def _rejoined(rest: FloatArray, place: Place) -> FloatArray:
-    """A way (N, 2) as it will be driven from beside it: on as the rover points, if it will not turn first, and back."""
-    arcs = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(rest, axis=0), axis=1))])
-    beyond = rest[arcs > min(REJOIN_M, arcs[-1] - 1e-6)]
+def _strays(state: NavigatorState, beside_m: float, table: FloatArray, place: Place) -> bool:
+    """Whether a rover that is ``beside_m`` from its way will meet a rock as it points: wheels can be held in a bend."""
+    if beside_m < BESIDE_M:
+        return False
     here = np.asarray(place.position_w)
-    if abs(turn_onto(rest, place)) > TURNING_RAD:
-        return np.vstack([here, beyond])
     ahead = here + ROLLS_ON_M * np.array([np.cos(place.heading_rad), np.sin(place.heading_rad)])
-    return np.vstack([here, ahead, beyond])
+    half = state.models.footprint.width_m / 2.0
+    return float(segment_clearance(let_leave(table, here, half), np.stack([here, ahead])).min()) < half
 
 
 def _length(way_w: FloatArray) -> float:

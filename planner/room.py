@@ -46,17 +46,19 @@ def turn_range(
     return float(right), float(left)
 
 
-def jam(rocks: RockMemory, place_w: FloatArray, footprint: Footprint) -> float:
-    """Heights of the rocks in the ring that wheels sweep in a turn on the spot, in climb heights.
+def jam(rocks: RockMemory, places_w: FloatArray, footprint: Footprint) -> FloatArray:
+    """Heights of the rocks in the ring that wheels sweep in a turn on the spot at places (..., 2), in climb heights.
 
     A wheel rolls over what it would not get over sideways: the side of a wheel is a wall.
     """
     middle = 0.5 * float(np.hypot(footprint.wheelbase_m, footprint.track_m))
     half = float(np.hypot(footprint.wheel_radius_m, 0.5 * footprint.wheel_width_m))
-    away = np.hypot(*(rocks.centre_w - place_w).T)
-    met = (np.abs(away - middle) < half + 0.25 * (rocks.length_m + rocks.width_m)) & (rocks.certainty > SURE)
-    met &= rocks.height_m > ROLLED_OVER_M
-    return float((rocks.height_m[met] / footprint.climb_height_m).sum())
+    holding = (rocks.certainty > SURE) & (rocks.height_m > ROLLED_OVER_M)
+    reach = half + 0.25 * (rocks.length_m + rocks.width_m)[holding]
+    x, y = np.moveaxis(places_w[..., None, :] - rocks.centre_w[holding], -1, 0)
+    met = np.abs(np.hypot(x, y) - middle) < reach
+    heights: FloatArray = np.where(met, rocks.height_m[holding], 0.0).sum(axis=-1) / footprint.climb_height_m
+    return heights
 
 
 def _unseen(cells: GroundCells, place_w: FloatArray, radius_m: float) -> FloatArray:

@@ -126,6 +126,18 @@ def test_a_way_that_leads_on_is_kept_where_the_search_finds_none(monkeypatch: py
     assert navigator.step(state, None, pose_at(0.05, 0, 1.0), 0.5)[1].kind != "drive"
 
 
+def test_a_way_is_left_by_a_rover_that_strays_towards_a_rock() -> None:
+    # The way leads past the rock, which is met only as the rover points now, 0.2 m beside its way.
+    def kept(heading_rad: float) -> bool:
+        state = navigator.begin((10.0, 0.0), 0.5, FOOTPRINT, (0.0, 0.0))
+        state, _ = navigator.step(state, look(DiscWorld.of([]), np.zeros(3), 0.0, None), pose_at(0, 0, 0), 0.0)
+        seen = look(DiscWorld.of([(1.2, 0.75, 0.2)]), np.zeros(3), 0.5, None)
+        return not navigator.step(state, seen, pose_at(0.4, 0.2, heading_rad), 0.5)[1].changed
+
+    assert kept(0.0)
+    assert not kept(0.5)
+
+
 def test_no_picture_yet_is_no_reason_to_fail() -> None:
     state = navigator.begin((5.0, 0.0), 0.5, FOOTPRINT, (0.0, 0.0))
     assert navigator.step(state, None, pose_at(0, 0, 0), 0.0)[1].kind == "drive"

@@ -246,6 +246,8 @@ def test_rocks_at_the_wheels_jam_a_turn_by_their_heights() -> None:
     assert jam(remembered(), np.zeros(2), body) == 0.0
     assert jam(remembered(at_a_wheel, under_the_belly, far, flat), np.zeros(2), body) == pytest.approx(0.6)
     assert jam(remembered(at_a_wheel, another), np.zeros(2), body) == pytest.approx(1.0)
+    places = np.array([[0.0, 0.0], [5.0, 5.0]])
+    assert jam(remembered(at_a_wheel, another), places, body) == pytest.approx([1.0, 0.0])
 
 
 def remembered(*rocks: PerceivedRock) -> RockMemory:
@@ -307,3 +309,20 @@ def test_a_goal_far_away_costs_the_field_no_more_work() -> None:
     near, far = (float(field.at(np.zeros((1, 2)))[0]) for field in fields)
     # All that is beyond the square is charged as unseen ground, half as much again as its length.
     assert far - near == pytest.approx(1.5 * 340.0, rel=2e-3)
+
+
+def test_a_narrow_gap_is_preferred_only_if_it_is_worth_the_turn_towards_it() -> None:
+    # A corridor that is open ahead and has a gap for squeezing at its rear end, where the goal lies.
+    half_gap = DRIVE.need_m(FOOTPRINT, squeeze=True) + 0.03 + 0.3
+    sides = [(x, y, 0.3) for x in np.arange(-2.5, 2.1, 0.3) for y in (-1.8, 1.8)]
+    end = [(-2.5, sign * y, 0.3) for sign in (-1.0, 1.0) for y in np.arange(half_gap, 1.9, 0.3)]
+    memory = replace(empty_memory(np.zeros(2)), cells=SEEN)
+
+    def first(slope_deg: float) -> float:
+        place = Place((0.0, 0.0), 0.0, (-6.0, 0.0), 0.5, slope_deg=slope_deg)
+        found = choose(memory, table(*sides, *end), place, Models(FOOTPRINT), detour=True)
+        assert found.way is not None
+        return float(found.way.waypoints_w[1, 0])
+
+    assert first(0.0) < 0.0
+    assert first(25.0) > 0.0  # turns are dear on slopes
