@@ -41,10 +41,22 @@ def test_what_is_too_steep_is_what_the_search_does_not_drive() -> None:
     for row, column in np.ndindex(*steep.shape):
         way = np.subtract(end, map_.place((row, column)))
         way = way / np.linalg.norm(way)
-        slope = part.rise_x[row, column], part.rise_y[row, column], part.level[row, column]
-        tables = costs.along, costs.across, costs.risk, costs.limits, costs.holds_up, BIN
-        price = kernels.metre_cost(*slope, *way, *tables) * map_.care[row, column]
-        assert steep[row, column] == np.isinf(price)
+        rise_x, rise_y = float(part.rise_x[row, column]), float(part.rise_y[row, column])
+        level = int(part.level[row, column])
+        price = kernels.metre_cost(
+            rise_x,
+            rise_y,
+            level,
+            way[0],
+            way[1],
+            costs.along,
+            costs.across,
+            costs.risk,
+            costs.limits,
+            costs.holds_up,
+            BIN,
+        )
+        assert steep[row, column] == np.isinf(price * map_.care[row, column])
 
 
 def test_slopes_beside_the_planned_way_are_hard_and_those_at_it_only_cost() -> None:
