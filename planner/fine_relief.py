@@ -17,7 +17,7 @@ from scipy.optimize import minimize
 from planner.denoise import BROAD_CELLS, error_left, nearest_known
 from planner.risk_prior import MapError
 from planner.route_ground import ElevationMap
-from worlds.types import FloatArray
+from worlds.types import FloatArray, Footprint
 
 BUMPS_M = 0.01  # rms of what a wheel meets on any ground
 SHORTEST_M = 0.3  # wave, shorter ones are bumps
@@ -25,6 +25,8 @@ APART_M = 0.5  # about a wheelbase: how unlike errors there are is kept
 FITTED = 1.0 / 8.0, 0.5  # waves, shorter than the map's broad shape
 HURST = 0.4, 2.0  # steeper than sands, and as smooth as dunes
 LEAST_WAVES = 200
+LIFT_SHARE = 0.6  # of the relief over a cell, that a wheelbase has; found .5 to .7 on dunes, swells and hills
+LEVEL_LIFT_M = 0.0033  # on the nearly flat fields by which the belly's clearance was tuned
 _PIVOT = 0.25  # frequency at which the law's power is stated
 _FLATTEST = 1.0 / 32.0  # frequency below which the law does not rise
 _RINGS, _DIRECTIONS, _GRID = 24, 8, 240
@@ -91,6 +93,16 @@ def below(law: PowerLaw, cell_m: float) -> float:
     squared = (2.0 + np.cos(2.0 * pi * across)) * (2.0 + np.cos(2.0 * pi * down)) / 9.0
     lost = 1.0 - 2.0 * mean * surface + mean**2 * squared
     return sqrt(area * float((law.at(across, down) * lost).sum()))
+
+
+def under_belly(ground: ElevationMap, footprint: Footprint) -> float:
+    """By how much (m) ground under the belly rises above that of the wheels, beyond `LEVEL_LIFT_M`, by a measured map.
+
+    It is the mean, and one sigma, of the most that a spot rises while the belly passes over it.
+    """
+    law, cell_m = power_law(ground), ground.field.resolution_m
+    relief_m = 0.0 if law is None else below(law, cell_m)
+    return max(LIFT_SHARE * relief_m * footprint.wheelbase_m / cell_m - LEVEL_LIFT_M, 0.0)
 
 
 def _error(law: PowerLaw, noise: float, cell_m: float) -> tuple[float, float]:

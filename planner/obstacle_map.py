@@ -32,6 +32,8 @@ class DriveModel:
     comfort_m: float = 0.35  # beyond the margin, nearness still costs
     belly_share: float = 1.15  # of the climb height: the belly meets higher rocks
     flank_share: float = 1.25  # and wheels may pass over the flank of lower ones
+    lifted_m: float = 0.0  # by which uneven ground under the belly rises, in the mean and in one sigma
+    misplaced: float = 5.0  # times that, rocks on uneven ground are farther from their place than told
     height_error: float = 1.5  # over the stated one: rocks that are steeper than most fool every view alike
     most_doubt: float = 0.135  # a rock that the belly would meet with a higher probability is hard ...
     undecided: float = 1.35  # ... times or over which a rock stays what it was judged: each change makes a new way
@@ -140,8 +142,8 @@ def too_high(rocks: RockMemory, doubt: FloatArray, model: DriveModel) -> BoolArr
 
 def belly_meets(rocks: RockMemory, model: DriveModel, climb_height_m: float) -> FloatArray:
     """Probability (N,) that each rock is so high that the belly meets it; logistic, within .01 of the normal law."""
-    above = model.belly_share * climb_height_m - rocks.height_m
-    sds = above / np.maximum(model.height_error * rocks.height_sd_m, 1e-3)
+    above = model.belly_share * climb_height_m - model.lifted_m - rocks.height_m
+    sds = above / np.maximum(np.hypot(model.height_error * rocks.height_sd_m, model.lifted_m), 1e-3)
     probability: FloatArray = 1.0 / (1.0 + np.exp(np.clip(1.702 * sds, -40.0, 40.0)))
     return probability
 
@@ -162,7 +164,8 @@ def _berth(rocks: RockMemory, model: DriveModel, climb_height_m: float, wheel_wi
     Low ones must stay outside of the belly, but a wheel can take their flank.
     """
     flat = rocks.height_m + 0.5 * rocks.height_sd_m < model.flank_share * climb_height_m
-    return np.minimum(model.sd_share * rocks.sd_m, model.most_sd_m) - np.where(flat, wheel_width_m, 0.0)
+    error_m = np.minimum(model.sd_share * rocks.sd_m, model.most_sd_m) + model.misplaced * model.lifted_m
+    return np.asarray(error_m - np.where(flat, wheel_width_m, 0.0))
 
 
 def _joined(low: RockMemory, model: DriveModel, climb_height_m: float) -> FloatArray:

@@ -54,6 +54,7 @@ class Following:
     reasons: tuple[str, ...] = ()  # why each of those was given up
     refusals: int = 0  # how many of them because a leg could not be driven
     rocks_w: FloatArray = field(default_factory=lambda: np.zeros((0, 3)))  # (N, 3) x, y, radius of those to go round
+    lifted_m: float = 0.0  # by which ground too fine for the map rises under the belly
     risk_model: RiskModel | None = None  # None: no forecasts
     risk: RouteRisk | None = None  # of the route
     risks: tuple[RouteRisk | None, ...] = ()  # of former ones

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from planner.denoise import denoised
+from planner.fine_relief import under_belly
 from planner.risk import Vehicle
 from planner.route_cost import slope_costs
 from planner.route_following import Following, begin
@@ -50,7 +51,8 @@ def first_route(world: World, footprint: Footprint, vehicle: Vehicle | None = No
     start, goal = scenario.rover.start_m, scenario.goal
     model = LegModel(length_m=table.leg_m, pass_m=table.radius_m)
     risk = None if vehicle is None else risk_model(scenario, measured, vehicle, world.seed)
-    return begin(denoised(measured), costs, start, goal.position_m, goal.radius_m, leg_model=model, risk_model=risk)
+    first = begin(denoised(measured), costs, start, goal.position_m, goal.radius_m, leg_model=model, risk_model=risk)
+    return replace(first, lifted_m=under_belly(measured, footprint))
 
 
 def route_map(world: World, table: RouteTable, source: str) -> ElevationMap:

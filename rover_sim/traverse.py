@@ -263,7 +263,7 @@ class Traverse:
             goal.radius_m,
             body,
             scenario.rover.start_m,
-            models=Models(body, drive),
+            models=Models(body, drive if route is None else replace(drive, lifted_m=route.lifted_m)),
             model=model,
             area=area,
         )

@@ -10,10 +10,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from planner.denoise import denoised, error_left
-from planner.fine_relief import BUMPS_M, PowerLaw, below, map_error, power_law
+from planner.fine_relief import BUMPS_M, LEVEL_LIFT_M, PowerLaw, below, map_error, power_law, under_belly
 from planner.risk import finer
 from planner.risk_prior import MapError
 from planner.route_ground import ElevationMap
+from tests.planner_factory import FOOTPRINT
 from worlds.heightfield import height_at
 from worlds.types import FloatArray, HeightField
 
@@ -77,6 +78,19 @@ def test_the_error_is_how_far_the_ground_is_from_the_filtered_map(hurst: float, 
     told = error.sd_m * np.sqrt(2.0 - 2.0 * np.exp(-((0.5 / error.correlation_m) ** 2)))
     assert told == pytest.approx(apart, rel=0.15)
     assert error_left(map_).sd_m < error.sd_m
+
+
+@pytest.mark.parametrize("hurst", [0.8, 1.0, 1.3])
+def test_ground_rises_under_the_belly_as_the_map_tells(hurst: float) -> None:
+    true, half_m, side_m = ground(hurst), 0.5 * FOOTPRINT.wheelbase_m, 0.5 * FOOTPRINT.track_m
+    x, y = np.random.default_rng(0).uniform(4.0, SIDE - 4.0, (2, 5000))
+    most = np.full(len(x), -np.inf)
+    for ahead in np.linspace(-0.4, 0.4, 17):  # of the rover's middle, that a spot on its centre line lies
+        rear, front = x - ahead - half_m, x - ahead + half_m
+        z = [0.5 * sum(height_at(true, at, y + side) for side in (-side_m, side_m)) for at in (rear, front)]
+        most = np.maximum(most, height_at(true, x, y) - (z[0] + z[1]) / 2.0 - ahead * (z[1] - z[0]) / (2.0 * half_m))
+    told = under_belly(measured(true, 0.05), FOOTPRINT) + LEVEL_LIFT_M
+    assert told == pytest.approx(most.mean(), rel=0.35)
 
 
 @pytest.mark.parametrize("error_m", [0.0, 0.02, 0.1])

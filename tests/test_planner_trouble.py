@@ -195,6 +195,13 @@ def test_a_rock_costs_by_the_probability_that_the_belly_meets_it() -> None:
     assert weights[0] < weights[1] < weights[2]
 
 
+def test_on_uneven_ground_the_belly_meets_lower_rocks() -> None:
+    rock = structs.replace(rock_at((2.0, 0.0, 0.0), 0.2, 0.089), height_sd_m=0.015)
+    level, uneven = (table_of(rock, drive=DriveModel(lifted_m=lifted_m)) for lifted_m in (0.0, 0.01))
+    assert not level[0, 6]
+    assert uneven[0, 6]
+
+
 def test_a_rock_stays_what_it_was_judged_until_another_is_plainly_right() -> None:
     def now_hard(before_m: float, now_m: float) -> bool:
         heights = (before_m, now_m)
