@@ -7,6 +7,7 @@ names a sub-goal on the way out and the row search is made towards that one.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -14,7 +15,7 @@ import numpy as np
 from planner.goal_field import STEP_M, GoalField, goal_field
 from planner.ground_cells import sample
 from planner.obstacle_map import MAX_CLEARANCE_M, DriveModel, Frame2, let_leave, near, obstacle_grid, segment_clearance
-from planner.room import jam, turn_range
+from planner.room import FREE, Turning, turn_range, turning
 from planner.row_search import Candidate, EndCost, RowModel, RowSearch, Task, room_for, search
 from planner.terrain_map import TerrainMemory
 from planner.traversability import PathFeatures, TraversabilityRules, traversability
@@ -27,6 +28,7 @@ AHEAD_M = (1.8, 1.0)  # to make room
 SQUEEZE_SHARE, SQUEEZE_M = 1.1, 2.0  # cost of a way through narrow gaps against one that keeps the whole margin
 TURN_M = 1.0  # of way that a radian of turning on the spot costs where an old way is compared with a new one
 SLOPE_DEG, DEARER_BY_DEG = 5.0, 0.3  # steeper, each degree makes turns on the spot dearer: wheels dig, and jam
+DEARER_BY_ROCK = 1.0  # radians for each climb height of rocks that wheels meet
 WORTH_M = 4.0  # metres of way that full traversability is worth when candidates are compared
 
 
@@ -42,7 +44,7 @@ class Place:
     bold: bool = False  # may turn over ground that was never seen
     speed_m_s: float = 0.0
     downhill_w: tuple[float, float] = (0.0, 0.0)  # of the general slope, rise over run
-    jam: float = 0.0  # heights of the rocks that wheels would meet in a turn on the spot, in climb heights
+    turning: Turning = FREE  # what wheels would meet in turns on the spot
 
 
 @dataclass(frozen=True)
@@ -138,12 +140,19 @@ def way_cost(
     length = float(np.linalg.norm(np.diff(waypoints_w, axis=0), axis=1).sum())
     end = waypoints_w[-1]
     rest = float(np.linalg.norm(end - np.asarray(place.goal_w)) if to_go is None else to_go(end[None])[0])
-    return length * float(metre.mean()) + rest + TURN_M * dearer_turns(place) * abs(turn_onto(waypoints_w, place))
+    return length * float(metre.mean()) + rest + TURN_M * turn_price(place, turn_onto(waypoints_w, place))
 
 
-def dearer_turns(place: Place) -> float:
-    """Factor on the price of turning on the spot at ``place``: for the tilt of the ground, and for rocks at wheels."""
-    return 1.0 + DEARER_BY_DEG * max(place.slope_deg - SLOPE_DEG, 0.0) + place.jam
+def turn_prices(place: Place, turns_rad: FloatArray) -> FloatArray:
+    """Prices (N,) of turns on the spot, in radians on level ground without rocks, which would cost the same."""
+    steeper = DEARER_BY_DEG * max(place.slope_deg - SLOPE_DEG, 0.0)
+    prices: FloatArray = np.abs(turns_rad) * (1.0 + steeper) + DEARER_BY_ROCK * place.turning.heights(turns_rad)
+    return prices
+
+
+def turn_price(place: Place, turn_rad: float) -> float:
+    """The price of one turn, see `turn_prices`."""
+    return float(turn_prices(place, np.array([turn_rad]))[0])
 
 
 def turn_onto(way_w: FloatArray, place: Place) -> float:
@@ -206,9 +215,9 @@ def _towards(
         models.drive.need_m(models.footprint, squeeze=squeeze),
         end_cost,
         _room(memory, table_w, place, models),
+        partial(turn_prices, place),
     )
-    rows = replace(models.rows, first_turn_cost=models.rows.first_turn_cost * dearer_turns(place))
-    return search(table_w, memory.cells, task, models.drive, rows)
+    return search(table_w, memory.cells, task, models.drive, models.rows)
 
 
 def _room(memory: TerrainMemory, table_w: FloatArray, place: Place, models: Models) -> tuple[float, float]:
@@ -276,12 +285,12 @@ def _setting_out(
     turn. So straight first stretches in all directions are compared with that one, each with the turn at its end.
     """
     position, need = np.asarray(place.position_w), models.drive.need_m(models.footprint, squeeze=squeeze)
-    own, radian = field.way(position, max(SUB_GOALS_M)), TURN_M * dearer_turns(place)
+    own = field.way(position, max(SUB_GOALS_M))
     own_cost = np.inf
     if len(own) > 1:
         end = own[min(round(SET_OUT_M / STEP_M), len(own) - 1)]
-        turn = abs(wrap_angle(float(np.arctan2(*(end - position)[::-1])) - place.heading_rad))
-        own_cost = float(field.at(end[None])[0]) + radian * turn
+        turn = wrap_angle(float(np.arctan2(*(end - position)[::-1])) - place.heading_rad)
+        own_cost = float(field.at(end[None])[0]) + TURN_M * turn_price(place, turn)
     headings = place.heading_rad + np.linspace(-np.pi, np.pi, DIRECTIONS, endpoint=False)
     ends = position + SET_OUT_M * np.stack([np.cos(headings), np.sin(headings)], axis=1)
     there_and_back = np.stack([np.broadcast_to(position, ends.shape), ends], axis=1).reshape(-1, 2)
@@ -289,13 +298,13 @@ def _setting_out(
     right, left = _room(memory, table_w, place, models)
     free = segment_clearance(around, there_and_back)[::2] >= need
     free &= room_for(headings - place.heading_rad, (right, left))
-    cost = np.where(free, field.at(ends) + radian * np.abs(headings - place.heading_rad), np.inf)
+    cost = np.where(free, field.at(ends) + TURN_M * turn_prices(place, headings - place.heading_rad), np.inf)
     for n in np.flatnonzero(cost < own_cost):
         onward = field.way(ends[n], SET_OUT_M)
         if len(onward) > 1:
-            turn = abs(wrap_angle(float(np.arctan2(*(onward[-1] - ends[n])[::-1])) - headings[n]))
-            there = replace(place, jam=float(jam(memory.rocks, ends[n], models.footprint)))
-            cost[n] += TURN_M * dearer_turns(there) * turn
+            turn = wrap_angle(float(np.arctan2(*(onward[-1] - ends[n])[::-1])) - headings[n])
+            there = replace(place, turning=turning(memory.rocks, ends[n], headings[n], models.footprint))
+            cost[n] += TURN_M * turn_price(there, turn)
     best = int(np.argmin(cost))
     if cost[best] >= own_cost or not np.isfinite(cost[best]):
         return own, own_cost

@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from planner.choice import SLOPE_DEG, Choice, Models, Place, choose, dearer_turns, dense, turn_onto, way_cost
+from planner.choice import SLOPE_DEG, Choice, Models, Place, choose, dense, turn_onto, turn_price, way_cost
 from planner.corridor import Corridor, SpeedModel, choose_way, corridor
 from planner.first_bend import begin_with_bend
 from planner.ground_cells import driven_view, sample
@@ -15,7 +15,7 @@ from planner.laser_map import LaserMap
 from planner.monitor import tilt
 from planner.obstacle_map import NO_OBSTACLES, Area, fence, judged, let_leave, obstacles, segment_clearance
 from planner.recovery import Ladder, Manoeuvre, finished, next_manoeuvre
-from planner.room import jam, turn_range
+from planner.room import turn_range, turning
 from planner.row_search import Candidate, EndCost
 from planner.terrain_map import MemoryModel, TerrainMemory, empty_memory, remember, remember_scan
 from planner.track import NO_TRACK, note
@@ -319,7 +319,7 @@ def _place(state: NavigatorState, estimate: PoseEstimate) -> Place:
     yaw = euler_from_quaternion(estimate.pose.quaternion_w)[2]
     slope_deg, speed = float(np.rad2deg(state.slope_rad)), float(np.linalg.norm(estimate.velocity_w[:2]))
     bold, downhill = state.ladder.bold, state.downhill_w
-    held = float(jam(state.memory.rocks, estimate.pose.position_w[:2], state.models.footprint))
+    held = turning(state.memory.rocks, estimate.pose.position_w[:2], yaw, state.models.footprint)
     return Place((x, y), yaw, state.goal_w, state.goal_radius_m, slope_deg, bold, speed, downhill, held)
 
 
@@ -363,7 +363,8 @@ def _fresh(choice: Choice) -> Decision:
 
 def _bent(state: NavigatorState, fresh: Decision, table: FloatArray, place: Place, choice: Choice) -> Decision:
     """The same way, begun by a bend where turns on the spot are dear, if there is room and it costs less."""
-    if dearer_turns(place) <= 1.0 or abs(turn_onto(fresh.waypoints_w, place)) < TURNING_RAD:
+    turn = turn_onto(fresh.waypoints_w, place)
+    if abs(turn) < TURNING_RAD or turn_price(place, turn) <= abs(turn):
         return fresh
     models, cells = state.models, state.memory.cells
     need = models.drive.need_m(models.footprint, squeeze=choice.squeeze)

@@ -11,7 +11,7 @@ import numpy as np
 from planner.choice import Place
 from planner.ground_cells import GroundCells
 from planner.obstacle_map import let_leave, near, segment_clearance
-from planner.room import GAP_M, turn_range
+from planner.room import GAP_M, turn_range, turning
 from planner.terrain_map import TerrainMemory
 from planner.track import way_back
 from worlds.geometry import wrap_angle
@@ -33,6 +33,7 @@ RUNGS: tuple[tuple[Literal["look", "back_up"], float], ...] = (
 )
 MOST_BACK_M = 5.0
 ROOM_TO_TURN_RAD = float(np.deg2rad(70.0))
+MOST_MET = 1.2  # heights of rocks that wheels meet in a look to a side, in climb heights
 LEAST_LOOK_RAD = float(np.deg2rad(20.0))
 LEAST_BACK_M = 0.25
 NUDGES_M = (0.5, 0.25, 0.12)  # the longest that there is room for
@@ -96,7 +97,7 @@ def next_manoeuvre(
     if ladder.back_first:
         tried, ladder = ladder.tried_w, replace(ladder, back_first=False, tried_w=place.position_w)
         in_vain = tried is not None and float(np.hypot(*np.subtract(tried, place.position_w))) < IN_VAIN_M
-        away = _back(0.8, "back out of trouble", memory.cells, table_w, track, place, footprint, time_s)
+        away = _back(0.8, "back out of trouble", memory, table_w, track, place, footprint, time_s)
         if in_vain or away is None or abs(_turn_to_back(away, place)) > MOST_TURN_RAD:
             # What did nothing once would do nothing again: without room for a nudge the ladder goes on.
             away = _nudge(table_w, place, footprint, time_s) or (None if in_vain else away)
@@ -106,7 +107,7 @@ def next_manoeuvre(
         kind, amount = RUNGS[ladder.rung]
         ladder = replace(ladder, rung=ladder.rung + 1)
         if kind == "back_up":
-            backing = _back(amount, "back out", memory.cells, table_w, track, place, footprint, time_s)
+            backing = _back(amount, "back out", memory, table_w, track, place, footprint, time_s)
             if backing is not None:
                 return backing, ladder
         else:
@@ -121,14 +122,14 @@ def next_manoeuvre(
 def _back(
     least_m: float,
     reason: str,
-    cells: GroundCells,
+    memory: TerrainMemory,
     table_w: FloatArray,
     track: FloatArray,
     place: Place,
     footprint: Footprint,
     time_s: float,
 ) -> Manoeuvre | None:
-    """Back out along the track by ``least_m``, or farther to where the body has room to turn to either side.
+    """Back out along the track by ``least_m``, or farther to where the rover turns most easily to either side.
 
     None where the track is too short.
     """
@@ -138,15 +139,21 @@ def _back(
     if not len(poses) or apart.max() < LEAST_BACK_M:
         return None
     last = int(np.argmax(apart >= min(least_m, apart.max())))
-    for end in range(last, len(poses), 2):
-        x, y, heading = poses[end]
-        known = None if place.bold else cells
-        right, left = turn_range(table_w, known, np.array([x, y]), heading, footprint, place.downhill_w)
-        if min(-right, left) >= ROOM_TO_TURN_RAD:
-            last = end
-            break
+    room = {end: _ease(poses[end], memory, table_w, place, footprint) for end in range(last, len(poses), 2)}
+    last = next((end for end, eases in room.items() if eases >= 1.0), max(room, key=lambda end: room[end]))
     way = np.vstack([place.position_w, poses[: last + 1 : 3, :2], poses[last, :2]])
     return Manoeuvre("back_up", reason, place.position_w, time_s, way_w=way)
+
+
+def _ease(pose: FloatArray, memory: TerrainMemory, table_w: FloatArray, place: Place, footprint: Footprint) -> float:
+    """How easily the rover turns to either side at a pose (3,): 1 as far as it needs, less where something holds it."""
+    position, heading = pose[:2], float(pose[2])
+    known = None if place.bold else memory.cells
+    right, left = turn_range(table_w, known, position, heading, footprint, place.downhill_w)
+    if min(-right, left) < ROOM_TO_TURN_RAD:
+        return 0.0
+    easy = turning(memory.rocks, position, heading, footprint).reach(MOST_MET)
+    return min(1.0, min(-easy[0], easy[1]) / ROOM_TO_TURN_RAD)
 
 
 def _turn_to_back(backing: Manoeuvre, place: Place) -> float:
@@ -187,8 +194,11 @@ def finished(manoeuvre: Manoeuvre, place: Place, time_s: float, *, seen: bool) -
 def _possible_turn(
     heading_rad: float, table_w: FloatArray, cells: GroundCells, place: Place, footprint: Footprint
 ) -> float:
-    """Turn towards a heading, as far as there is room for the body."""
+    """Turn towards a heading, as far as there is room for the body and rocks hardly hold the wheels."""
     wanted = wrap_angle(heading_rad - place.heading_rad)
     known, position = None if place.bold else cells, np.asarray(place.position_w)
     right, left = turn_range(table_w, known, position, place.heading_rad, footprint, place.downhill_w)
+    if not place.bold:
+        easy = place.turning.reach(MOST_MET)
+        right, left = max(right, easy[0]), min(left, easy[1])
     return float(np.clip(wanted, right, left))

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from planner.ground_cells import GroundCells, sample
 from planner.obstacle_map import Frame2, in_frame, near
-from planner.room_kernels import free_turns
+from planner.room_kernels import free_turns, swept_heights
 from planner.terrain_map import RockMemory
 from worlds.types import FloatArray, Footprint
 
@@ -14,8 +16,33 @@ GAP_M = 0.04  # between body and rock while turning
 SLIDE_M_RAD = 1.5  # of way downhill for each radian of turn, where the ground rises by a metre a metre
 ROLLED_OVER_M, SURE = 0.03, 0.35  # of rocks: what hardly holds a wheel, and the least certainty that counts
 STEP_RAD = float(np.deg2rad(5.0))
+HELD_RAD = 0.3  # of pushing against a rock, after which it counts in full
+HOLDS_M = 1.0  # farther rocks are not met by wheels
+SURE_LOG_ODDS = float(np.log(SURE / (1.0 - SURE)))
 _RIM_RAD = np.linspace(0.0, 2.0 * np.pi, 16, endpoint=False)
 RIM = np.concatenate([share * np.stack([np.cos(_RIM_RAD), np.sin(_RIM_RAD)], axis=1) for share in (0.75, 0.95)])
+
+
+@dataclass(frozen=True, eq=False)
+class Turning:
+    """Heights of the rocks that wheels meet in turns on the spot, in climb heights, by side and angle."""
+
+    met: FloatArray  # (2, K): to the right and to the left, by 0, 1, .. K - 1 steps of STEP_RAD
+
+    def heights(self, turns_rad: FloatArray) -> FloatArray:
+        """What turns (N,), left positive, would meet."""
+        angles = STEP_RAD * np.arange(self.met.shape[1])
+        right, left = (np.interp(np.abs(turns_rad), angles, side) for side in self.met)
+        heights: FloatArray = np.where(turns_rad < 0.0, right, left)
+        return heights
+
+    def reach(self, most: float) -> tuple[float, float]:
+        """How far to the right (<= 0) and left (>= 0) it can turn and meet rocks of no more than ``most``, radians."""
+        right, left = (STEP_RAD * max(0, int(np.searchsorted(side, most, side="right")) - 1) for side in self.met)
+        return -right, left
+
+
+FREE = Turning(np.zeros((2, 1 + round(np.pi / STEP_RAD))))
 
 
 def turn_range(
@@ -46,19 +73,27 @@ def turn_range(
     return float(right), float(left)
 
 
-def jam(rocks: RockMemory, places_w: FloatArray, footprint: Footprint) -> FloatArray:
-    """Heights of the rocks in the ring that wheels sweep in a turn on the spot at places (..., 2), in climb heights.
+def turning(rocks: RockMemory, place_w: FloatArray, heading_rad: float, footprint: Footprint) -> Turning:
+    """What the wheels would meet in turns on the spot from a heading.
 
-    A wheel rolls over what it would not get over sideways: the side of a wheel is a wall.
+    A rock counts by its height, in full once a wheel has pushed against it for a third of a radian: it would not get
+    over it sideways, as the side of a wheel is a wall. Middle wheels roll in a turn and are left out.
     """
-    middle = 0.5 * float(np.hypot(footprint.wheelbase_m, footprint.track_m))
-    half = float(np.hypot(footprint.wheel_radius_m, 0.5 * footprint.wheel_width_m))
-    holding = (rocks.certainty > SURE) & (rocks.height_m > ROLLED_OVER_M)
-    reach = half + 0.25 * (rocks.length_m + rocks.width_m)[holding]
-    x, y = np.moveaxis(places_w[..., None, :] - rocks.centre_w[holding], -1, 0)
-    met = np.abs(np.hypot(x, y) - middle) < reach
-    heights: FloatArray = np.where(met, rocks.height_m[holding], 0.0).sum(axis=-1) / footprint.climb_height_m
-    return heights
+    holding = (np.hypot(*(rocks.centre_w - place_w).T) < HOLDS_M) & (rocks.height_m > ROLLED_OVER_M)
+    holding = np.flatnonzero(holding & (rocks.log_odds > SURE_LOG_ODDS))
+    if not len(holding):
+        return FREE
+    height, width = rocks.height_m[holding], rocks.width_m[holding]
+    half = 0.5 * np.maximum(rocks.length_m[holding] - width, 0.0)
+    away, yaw = rocks.centre_w[holding] - place_w, rocks.yaw_rad[holding]
+    shape = np.column_stack([away, half * np.cos(yaw), half * np.sin(yaw), 0.5 * width, height])
+    wheels = (
+        0.5 * footprint.wheelbase_m,
+        0.5 * footprint.track_m,
+        footprint.wheel_radius_m,
+        0.5 * footprint.wheel_width_m,
+    )
+    return Turning(swept_heights(shape, heading_rad, wheels, STEP_RAD, HELD_RAD) / footprint.climb_height_m)
 
 
 def _unseen(cells: GroundCells, place_w: FloatArray, radius_m: float) -> FloatArray:

@@ -52,3 +52,42 @@ def meets(
             out_y = max(abs(c * y - s * x) - half_width, 0.0)
             hits[n] = hits[n] or hypot(out_x, out_y) < local[n, 4]
     return hits
+
+
+@nb.njit(cache=True)
+def swept_heights(
+    rocks: FloatArray, heading: float, wheels: tuple[float, float, float, float], step: float, ramp: float
+) -> FloatArray:
+    """Heights of rocks (N, 6) that four wheels meet in turns by 0, 1, .. steps to the right and left, (2, K).
+
+    Rocks: middle, half axis, radius and height, around the rover; ``wheels``: half wheelbase and half track, radius
+    and half width. A rock counts more and more until it has been pushed by ``ramp`` radians.
+    """
+    count = int(pi / step + 1e-9) + 1
+    heights = np.zeros((2, count))
+    for n in range(rocks.shape[0]):
+        sunk = max(wheels[2] - rocks[n, 5], 0.0)
+        chord = (wheels[2] ** 2 - sunk**2) ** 0.5  # of the wheel at the rock's top
+        for side in range(2):
+            first = count
+            for k in range(count):
+                angle = heading + (2 * side - 1) * k * step
+                if touched(rocks[n], angle, wheels, chord):
+                    first = k
+                    break
+            for k in range(first, count):
+                heights[side, k] += rocks[n, 5] * min((k - first) * step / ramp, 1.0)
+    return heights
+
+
+@nb.njit(cache=True)
+def touched(rock: FloatArray, heading: float, wheels: tuple[float, float, float, float], chord: float) -> bool:
+    """Whether one of four wheels of a rover with that heading touches a rock (6,)."""
+    c, s = cos(heading), sin(heading)
+    for share in (-1.0, -0.5, 0.0, 0.5, 1.0):
+        x, y = rock[0] + share * rock[2], rock[1] + share * rock[3]
+        out_x = max(abs(abs(c * x + s * y) - wheels[0]) - chord, 0.0)
+        out_y = max(abs(abs(c * y - s * x) - wheels[1]) - wheels[3], 0.0)
+        if hypot(out_x, out_y) < rock[4]:
+            return True
+    return False

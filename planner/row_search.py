@@ -22,6 +22,7 @@ from planner.row_kernels import Layer
 from worlds.types import BoolArray, FloatArray, IntArray
 
 CURVE_RAD = 0.35  # turns up to this need no room of their own
+TurnPrices = Callable[[FloatArray], FloatArray]  # turns (N,), left positive -> prices in radians (N,)
 EndCost = Callable[[FloatArray], FloatArray]  # world points (N, 2) -> metres still to go (N,)
 
 
@@ -66,6 +67,7 @@ class Task:
     need_m: float  # centre line to hard rock
     end_cost: EndCost
     turn_range_rad: tuple[float, float] = (-np.pi, np.pi)  # how far the rover can turn on the spot, right and left
+    turn_prices: TurnPrices = np.abs
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,7 +165,7 @@ def _first_costs(task: Task, grid: ObstacleGrid, model: RowModel) -> FloatArray:
     shifts = np.arange(-model.most_shift, model.most_shift + 1)
     direction = task.frame.heading_rad + np.arctan2(shifts * grid.step_y_m, grid.step_x_m * model.sub_rows)
     turn = (direction - task.heading_rad + np.pi) % (2 * np.pi) - np.pi
-    return np.where(room_for(turn, task.turn_range_rad), model.first_turn_cost * np.abs(turn), np.inf)
+    return np.where(room_for(turn, task.turn_range_rad), model.first_turn_cost * task.turn_prices(turn), np.inf)
 
 
 def room_for(turns_rad: FloatArray, range_rad: tuple[float, float]) -> BoolArray:

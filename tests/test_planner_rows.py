@@ -22,7 +22,7 @@ from planner.ground_cells import (
     take_in,
 )
 from planner.map_kernels import Layer, cost_to_go, metre_costs
-from planner.room import jam, turn_range
+from planner.room import FREE, STEP_RAD, turn_range, turning
 from planner.row_search import RowSearch, Task, search
 from planner.terrain_map import RockMemory, empty_memory, remember, rock_at
 from tests.planner_factory import FOOTPRINT
@@ -238,16 +238,31 @@ def test_cells_of_the_field_stay_where_they_are_while_the_rover_moves() -> None:
     assert shift == pytest.approx(np.round(shift), abs=1e-6)
 
 
-def test_rocks_at_the_wheels_jam_a_turn_by_their_heights() -> None:
+def test_rocks_hold_the_wheels_of_a_turn_by_their_heights_once_these_get_there() -> None:
     body = replace(FOOTPRINT, climb_height_m=0.1)
-    # The wheels' middles move on a circle of half the diagonal of 0.51 and 0.57 m, 0.38 m.
-    at_a_wheel, under_the_belly, far = (rock_at((x, 0.0, 0.0), 0.1, 0.06) for x in (0.4, 0.05, 0.8))
-    flat, another = rock_at((0.0, 0.4, 0.0), 0.1, 0.025), rock_at((0.0, -0.4, 0.0), 0.1, 0.04)
-    assert jam(remembered(), np.zeros(2), body) == 0.0
-    assert jam(remembered(at_a_wheel, under_the_belly, far, flat), np.zeros(2), body) == pytest.approx(0.6)
-    assert jam(remembered(at_a_wheel, another), np.zeros(2), body) == pytest.approx(1.0)
-    places = np.array([[0.0, 0.0], [5.0, 5.0]])
-    assert jam(remembered(at_a_wheel, another), places, body) == pytest.approx([1.0, 0.0])
+    # Wheels at (+-0.26, +-0.29) m, 0.11 m wide. A rock between the front wheels, 0.38 m ahead, is met by the right one
+    # in a turn to the left, after some 20 degrees, and by the left one in a turn to the right.
+    ahead, under_the_belly, far = (rock_at((x, 0.0, 0.0), 0.06, 0.06) for x in (0.42, 0.05, 0.9))
+    flat, beside = rock_at((0.0, 0.4, 0.0), 0.1, 0.025), rock_at((0.26, 0.40, 0.0), 0.1, 0.04)
+    turns = np.deg2rad([0.0, 10.0, 90.0, -90.0])
+
+    def heights(*rocks: PerceivedRock) -> FloatArray:
+        return turning(remembered(*rocks), np.zeros(2), 0.0, body).heights(turns)
+
+    assert heights() == pytest.approx([0.0, 0.0, 0.0, 0.0])
+    assert heights(ahead, under_the_belly, far, flat) == pytest.approx([0.0, 0.0, 0.6, 0.6])
+    at_once = heights(beside)  # it leans against the left front wheel
+    assert at_once[[0, 2, 3]] == pytest.approx([0.0, 0.4, 0.4])
+    assert 0.1 < at_once[1] < 0.4
+
+
+def test_a_turn_reaches_as_far_as_rocks_hardly_hold_it() -> None:
+    body = replace(FOOTPRINT, climb_height_m=0.1)
+    held = turning(remembered(rock_at((0.26, 0.40, 0.0), 0.1, 0.08)), np.zeros(2), 0.0, body)
+    right, left = held.reach(0.4)
+    assert (held.heights(np.array([right, left])) <= 0.4).all()
+    assert (held.heights(np.array([right - STEP_RAD, left + STEP_RAD])) > 0.4).all()
+    assert FREE.reach(0.4)[1] == pytest.approx(np.pi)
 
 
 def remembered(*rocks: PerceivedRock) -> RockMemory:
