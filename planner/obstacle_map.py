@@ -37,6 +37,7 @@ class DriveModel:
     height_error: float = 1.5  # over the stated one: rocks that are steeper than most fool every view alike
     most_doubt: float = 0.135  # a rock that the belly would meet with a higher probability is hard ...
     undecided: float = 1.35  # ... times or over which a rock stays what it was judged: each change makes a new way
+    far_doubt: float = 0.5  # the same of a rock farther off than far_m: a nearer look will tell
     low_weight: float = 0.4  # in the hilly field of a rock as high as wheels climb; of lower ones by the square
     doubt_weight: float = 30.0  # in the hilly field of a low rock that the belly would surely meet
     sure_certainty: float = 0.35  # rocks less likely than this only cost
@@ -111,14 +112,19 @@ def obstacles(
     """Obstacles (N, 7) in the world: ax, ay, bx, by of the axis segment, its berth radius, weight, 1 if hard.
 
     Rocks that the belly would hardly meet may be driven over and cost by that probability. ``place_w`` (2,) is where
-    the rover stands: rocks that are far from it must be placed better to be hard; None: none counts as far.
+    the rover stands: rocks that are far from it must be placed better and be high more surely to be hard; None: none
+    counts as far.
     """
     if len(rocks) == 0:
         return NO_OBSTACLES
     half = 0.5 * np.maximum(rocks.length_m - rocks.width_m, 0.0)
     axis = half[:, None] * np.stack([np.cos(rocks.yaw_rad), np.sin(rocks.yaw_rad)], axis=1)
     doubt = belly_meets(rocks, model, climb_height_m)
-    high, sure = too_high(rocks, doubt, model), _sure(rocks, model, place_w)
+    far = np.zeros(len(rocks), dtype=bool)
+    if place_w is not None:
+        far = np.hypot(*(rocks.centre_w - place_w).T) > model.far_m
+    high = np.where(far, doubt > model.far_doubt, too_high(rocks, doubt, model))
+    sure = _sure(rocks, model, far)
     hard = high & sure
     low = model.low_weight * np.minimum(rocks.height_m / climb_height_m, 1.0) ** 2 + model.doubt_weight * doubt
     tall = np.clip(rocks.height_m / 0.25, 0.4, 1.0)
@@ -148,12 +154,9 @@ def belly_meets(rocks: RockMemory, model: DriveModel, climb_height_m: float) -> 
     return probability
 
 
-def _sure(rocks: RockMemory, model: DriveModel, place_w: FloatArray | None) -> BoolArray:
-    """Which rocks (N,) are certain, and placed well enough for where the rover stands."""
-    most_sd: FloatArray | float = model.sure_sd_m
-    if place_w is not None:
-        far = np.hypot(*(rocks.centre_w - place_w).T) > model.far_m
-        most_sd = np.where(far, model.sure_far_sd_m, model.sure_sd_m)
+def _sure(rocks: RockMemory, model: DriveModel, far: BoolArray) -> BoolArray:
+    """Which rocks (N,) are certain, and placed well enough for how far they are from the rover."""
+    most_sd = np.where(far, model.sure_far_sd_m, model.sure_sd_m)
     sure: BoolArray = (rocks.certainty > model.sure_certainty) & (rocks.worst_sd_m < most_sd)
     return sure
 
