@@ -19,17 +19,19 @@ from planner.room import turn_range, turning
 from planner.row_search import Candidate, EndCost
 from planner.terrain_map import MemoryModel, TerrainMemory, empty_memory, remember, remember_scan
 from planner.track import NO_TRACK, note
-from worlds.geometry import euler_from_quaternion, rotation_from_quaternion
+from worlds.geometry import euler_from_quaternion, rotation_from_quaternion, wrap_angle
 from worlds.types import FloatArray, Footprint, Observation, PoseEstimate, RangeScan
 
 LEAST_WAY_M = 0.3  # a shorter way ends where the rover stands, as path following sees it
 TURN_ON_SPOT_RAD = float(np.deg2rad(55.0))  # path following does such turns on the spot
-TURNING_RAD = float(np.deg2rad(35.0))  # off its way, the rover is turning onto it
+TURNING_RAD = float(np.deg2rad(35.0))  # off its way, the rover is turning onto it ...
+TURNED_RAD, STANDS_M = float(np.deg2rad(8.0)), 0.1  # ... until so little is left; lately it has moved so far then
 BESIDE_M, ROLLS_ON_M = 0.15, 0.7  # of its way a rover errs; and how far it looks straight ahead then
 AROUND_M = 3.5  # of what the scanner saw, for manoeuvres
 GOES_ON_M = 1.0  # of a way that is free ahead
 STANDING_M = 0.4  # of ground around the rover that is known for it stands there
 MOST_AVOIDED = 3  # places of trouble
+MOST_DUG = 8  # places where turns were in vain
 SWEPT_M = 1.5  # of a way that begins with a bend, on ground that was seen
 LATELY_S = 1.5  # of looks, over which ...
 GETS_ON_M_S = 0.17  # ... a rover so quick was not stopped by the place
@@ -87,6 +89,7 @@ class NavigatorState:
     goal_radius_m: float
     memory: TerrainMemory
     avoid_w: FloatArray = field(default_factory=lambda: np.zeros((0, 3)))  # (M, 3) x, y, radius of trouble met
+    dug_w: FloatArray = field(default_factory=lambda: np.zeros((0, 2)))  # (D, 2) where turns on the spot were in vain
     track_w: FloatArray = field(default_factory=lambda: NO_TRACK)  # (N, 3) poses driven, see `planner.track`
     fence: FloatArray = field(default_factory=lambda: NO_OBSTACLES)  # (K, 7) round the ground that may be driven on
     forbidden: FloatArray = field(default_factory=lambda: NO_OBSTACLES)  # (L, 7) of the map, see `retarget`
@@ -247,17 +250,22 @@ def note_trouble(state: NavigatorState, estimate: PoseEstimate, radius_m: float 
     """The state after the rover met what it had not seen (stuck, slipping): it backs out.
 
     If it was driving, and not turning onto its way, the place ahead is avoided from now on; only the last few such
-    places are, as each may have been soft ground or a bend, and together they would wall the rover in. A rover that
+    places are, as each may have been soft ground or a bend, and together they would wall the rover in. Where it was
+    turning on the spot turns are dear from now on: its wheels stand in the pits that they dug. A rover that
     was getting on, on a slope and upright, goes on: up steep sand wheels slip by 40 % all the way.
     """
     if _gets_on(state, estimate):
         return replace(state, way=None)
-    avoid = state.avoid_w
-    if state.manoeuvre is None and not _turning(state, estimate):
+    avoid, dug, here = state.avoid_w, state.dug_w, estimate.pose.position_w[:2]
+    if _turning(state, estimate):
+        dug = np.vstack([dug, here])[-MOST_DUG:]
+    elif state.manoeuvre is None:
         forward = rotation_from_quaternion(estimate.pose.quaternion_w)[:2, 0]
-        ahead = estimate.pose.position_w[:2] + (state.models.footprint.length_m / 2 + radius_m) * forward
+        ahead = here + (state.models.footprint.length_m / 2 + radius_m) * forward
         avoid = np.vstack([avoid, [*ahead, radius_m]])[-MOST_AVOIDED:]
-    return replace(state, avoid_w=avoid, way=None, ladder=replace(state.ladder, back_first=True), manoeuvre=None)
+    return replace(
+        state, avoid_w=avoid, dug_w=dug, way=None, ladder=replace(state.ladder, back_first=True), manoeuvre=None
+    )
 
 
 def _gets_on(state: NavigatorState, estimate: PoseEstimate) -> bool:
@@ -272,11 +280,19 @@ def _gets_on(state: NavigatorState, estimate: PoseEstimate) -> bool:
 
 
 def _turning(state: NavigatorState, estimate: PoseEstimate) -> bool:
-    """Whether the rover points off its way so far that it turns on the spot."""
-    if state.way is None:
+    """Whether the rover turns on the spot: it points far off where it is to go, or somewhat and stands."""
+    if state.manoeuvre is not None and state.manoeuvre.kind == "look":
+        return True
+    way_w = (
+        state.manoeuvre.way_w if state.manoeuvre is not None else None if state.way is None else state.way.waypoints_w
+    )
+    if way_w is None:
         return False
-    rest = _rest(state.way.waypoints_w, estimate.pose.position_w[:2])
-    return abs(turn_onto(rest, _place(state, estimate))) > TURNING_RAD
+    off = turn_onto(_rest(way_w, estimate.pose.position_w[:2]), _place(state, estimate))
+    if state.manoeuvre is not None and state.manoeuvre.kind == "back_up":
+        off = wrap_angle(off + np.pi)
+    stands = bool(state.lately) and float(np.hypot(*(estimate.pose.position_w[:2] - state.lately[0][1:]))) < STANDS_M
+    return abs(off) > (TURNED_RAD if stands else TURNING_RAD)
 
 
 def _take_in(
@@ -319,7 +335,7 @@ def _place(state: NavigatorState, estimate: PoseEstimate) -> Place:
     yaw = euler_from_quaternion(estimate.pose.quaternion_w)[2]
     slope_deg, speed = float(np.rad2deg(state.slope_rad)), float(np.linalg.norm(estimate.velocity_w[:2]))
     bold, downhill = state.ladder.bold, state.downhill_w
-    held = turning(state.memory.rocks, estimate.pose.position_w[:2], yaw, state.models.footprint)
+    held = turning(state.memory.rocks, estimate.pose.position_w[:2], yaw, state.models.footprint, state.dug_w)
     return Place((x, y), yaw, state.goal_w, state.goal_radius_m, slope_deg, bold, speed, downhill, held)
 
 

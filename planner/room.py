@@ -18,6 +18,8 @@ ROLLED_OVER_M, SURE = 0.03, 0.35  # of rocks: what hardly holds a wheel, and the
 STEP_RAD = float(np.deg2rad(5.0))
 HELD_RAD = 0.3  # of pushing against a rock, after which it counts in full
 HOLDS_M = 1.0  # farther rocks are not met by wheels
+DUG_M, PIT_WALLS = 0.45, 2.0  # so near, the wheels stand in pits, whose walls count as rocks of so many climb heights
+NOT_DUG = np.zeros((0, 2))
 SURE_LOG_ODDS = float(np.log(SURE / (1.0 - SURE)))
 _RIM_RAD = np.linspace(0.0, 2.0 * np.pi, 16, endpoint=False)
 RIM = np.concatenate([share * np.stack([np.cos(_RIM_RAD), np.sin(_RIM_RAD)], axis=1) for share in (0.75, 0.95)])
@@ -73,16 +75,22 @@ def turn_range(
     return float(right), float(left)
 
 
-def turning(rocks: RockMemory, place_w: FloatArray, heading_rad: float, footprint: Footprint) -> Turning:
+def turning(
+    rocks: RockMemory, place_w: FloatArray, heading_rad: float, footprint: Footprint, dug_w: FloatArray = NOT_DUG
+) -> Turning:
     """What the wheels would meet in turns on the spot from a heading.
 
     A rock counts by its height, in full once a wheel has pushed against it for a third of a radian: it would not get
-    over it sideways, as the side of a wheel is a wall. Middle wheels roll in a turn and are left out.
+    over it sideways, as the side of a wheel is a wall. Middle wheels roll in a turn and are left out. ``dug_w`` (D, 2):
+    where turns were in vain; the walls of the pits that the wheels dug there hold them as rocks do.
     """
+    steps = STEP_RAD * np.arange(FREE.met.shape[1])
+    in_pits = (np.hypot(*(dug_w - place_w).T) < DUG_M).any()
+    pits = PIT_WALLS * np.minimum(steps / HELD_RAD, 1.0) if in_pits else np.zeros(len(steps))
     holding = (np.hypot(*(rocks.centre_w - place_w).T) < HOLDS_M) & (rocks.height_m > ROLLED_OVER_M)
     holding = np.flatnonzero(holding & (rocks.log_odds > SURE_LOG_ODDS))
     if not len(holding):
-        return FREE
+        return Turning(np.stack([pits, pits]))
     height, width = rocks.height_m[holding], rocks.width_m[holding]
     half = 0.5 * np.maximum(rocks.length_m[holding] - width, 0.0)
     away, yaw = rocks.centre_w[holding] - place_w, rocks.yaw_rad[holding]
@@ -93,7 +101,7 @@ def turning(rocks: RockMemory, place_w: FloatArray, heading_rad: float, footprin
         footprint.wheel_radius_m,
         0.5 * footprint.wheel_width_m,
     )
-    return Turning(swept_heights(shape, heading_rad, wheels, STEP_RAD, HELD_RAD) / footprint.climb_height_m)
+    return Turning(swept_heights(shape, heading_rad, wheels, STEP_RAD, HELD_RAD) / footprint.climb_height_m + pits)
 
 
 def _unseen(cells: GroundCells, place_w: FloatArray, radius_m: float) -> FloatArray:
