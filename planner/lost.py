@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from planner.navigator import Decision, NavigatorState
+from planner.navigator_state import Decision, NavigatorState
 from planner.obstacle_map import obstacles
 from planner.room import turn_range
 from worlds.geometry import euler_from_quaternion, wrap_angle

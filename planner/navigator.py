@@ -2,110 +2,34 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
-from typing import Literal
+from dataclasses import replace
 
 import numpy as np
 
-from planner.choice import SLOPE_DEG, Choice, Models, Place, choose, dense, turn_onto, turn_price, way_cost
-from planner.corridor import Corridor, SpeedModel, choose_way, corridor
+from planner.choice import Choice, Models, Place, choose, dense, turn_onto, turn_price, way_cost
+from planner.corridor import Corridor, choose_way, corridor
 from planner.first_bend import begin_with_bend
 from planner.ground_cells import driven_view, sample
 from planner.laser_map import LaserMap
 from planner.monitor import tilt
+from planner.navigator_state import Decision, NavigatorModel, NavigatorState, place_of
 from planner.obstacle_map import NO_OBSTACLES, Area, fence, judged, let_leave, obstacles, segment_clearance
 from planner.recovery import Ladder, Manoeuvre, finished, next_manoeuvre
-from planner.room import turn_range, turning
-from planner.row_search import Candidate, EndCost
-from planner.terrain_map import MemoryModel, TerrainMemory, empty_memory, remember, remember_scan
-from planner.track import NO_TRACK, note
-from worlds.geometry import euler_from_quaternion, rotation_from_quaternion, wrap_angle
+from planner.room import turn_range
+from planner.row_search import Candidate
+from planner.terrain_map import empty_memory, remember, remember_scan
+from planner.track import note
+from planner.trouble import LATELY_S
+from planner.way_keeping import TURNING_RAD, goes_on, length_of, rest_of, still_good
+from worlds.geometry import euler_from_quaternion, rotation_from_quaternion
 from worlds.types import FloatArray, Footprint, Observation, PoseEstimate, RangeScan
 
 LEAST_WAY_M = 0.3  # a shorter way ends where the rover stands, as path following sees it
 TURN_ON_SPOT_RAD = float(np.deg2rad(55.0))  # path following does such turns on the spot
-TURNING_RAD = float(np.deg2rad(35.0))  # off its way, the rover is turning onto it ...
-TURNED_RAD, STANDS_M = float(np.deg2rad(8.0)), 0.1  # ... until so little is left; lately it has moved so far then
-BESIDE_M, ROLLS_ON_M = 0.15, 0.7  # of its way a rover errs; and how far it looks straight ahead then
 AROUND_M = 3.5  # of what the scanner saw, for manoeuvres
-GOES_ON_M = 1.0  # of a way that is free ahead
 STANDING_M = 0.4  # of ground around the rover that is known for it stands there
-MOST_AVOIDED = 3  # places of trouble
-MOST_DUG = 8  # places where turns were in vain
 SWEPT_M = 1.5  # of a way that begins with a bend, on ground that was seen
-LATELY_S = 1.5  # of looks, over which ...
-GETS_ON_M_S = 0.17  # ... a rover so quick was not stopped by the place
-UPRIGHT_RAD = float(np.deg2rad(25.0))
 START_CLEAR_M = 1.0  # the rover is set down on ground where it has room to turn
-Kind = Literal["drive", "look", "back_up", "arrived", "no_path", "lost"]
-
-
-@dataclass(frozen=True)
-class NavigatorModel:
-    """How long a way is kept and when the navigator gives up."""
-
-    memory: MemoryModel = MemoryModel()  # noqa: RUF009 - frozen
-    keep_gain_m: float = 1.0  # a new way must be better by this
-    keep_share: float = 0.06  # and by this share
-    extend_below_m: float = 3.8  # a way that ends sooner, and not at the goal, is renewed
-    off_way_m: float = 0.45
-    blocked_m: float = 1.2  # a way that is blocked farther off is as good as what is free of it
-    wobble_m: float = 0.05  # a rock that moves so much into a way does not break it
-    arrival_share: tuple[float, float] = (0.8, 0.9)  # of the goal's radius, at least and at most ...
-    arrival_sigmas: float = 2.0  # ... within which the rover is there although it errs by so many sigmas
-    patience_m: float = 40.0  # driven without getting nearer, beside twice the first distance
-    speed: SpeedModel = SpeedModel()  # noqa: RUF009 - frozen; where a laser scanner leads
-    progress_m: float = 1.5  # away from the last recovery: the ladder starts anew
-
-
-@dataclass(frozen=True, eq=False)
-class Decision:
-    """What to do until the next decision."""
-
-    kind: Kind
-    reason: str
-    waypoints_w: FloatArray = field(default_factory=lambda: np.zeros((0, 2)))  # (N, 2) from the rover on
-    changed: bool = False  # the waypoints are not those of the decision before
-    narrow: bool = False  # drive: with the smaller margin
-    traversability: float = 0.0
-    candidates: tuple[Candidate, ...] = ()
-    scores: tuple[float, ...] = ()  # traversability of each candidate
-    heading_rad: float = 0.0  # look: turn to it
-    speed_m_s: float | None = None  # drive: at most so fast now; None: as the risk allows
-
-    @property
-    def risk(self) -> float:
-        """0..1 for the speed of driving."""
-        return float(np.clip(1.0 - self.traversability, 0.0, 1.0))
-
-
-@dataclass(frozen=True, eq=False)
-class NavigatorState:
-    """All that the navigator knows and intends."""
-
-    models: Models
-    model: NavigatorModel
-    goal_w: tuple[float, float]
-    goal_radius_m: float
-    memory: TerrainMemory
-    avoid_w: FloatArray = field(default_factory=lambda: np.zeros((0, 3)))  # (M, 3) x, y, radius of trouble met
-    dug_w: FloatArray = field(default_factory=lambda: np.zeros((0, 2)))  # (D, 2) where turns on the spot were in vain
-    track_w: FloatArray = field(default_factory=lambda: NO_TRACK)  # (N, 3) poses driven, see `planner.track`
-    fence: FloatArray = field(default_factory=lambda: NO_OBSTACLES)  # (K, 7) round the ground that may be driven on
-    forbidden: FloatArray = field(default_factory=lambda: NO_OBSTACLES)  # (L, 7) of the map, see `retarget`
-    way: Decision | None = None  # the way being driven
-    detour: bool = False
-    manoeuvre: Manoeuvre | None = None
-    ladder: Ladder = Ladder()  # noqa: RUF009 - frozen
-    end: Decision | None = None
-    slope_rad: float = 0.0  # smoothed
-    downhill_w: tuple[float, float] = (0.0, 0.0)  # rise over run, smoothed
-    travelled_m: float = 0.0
-    place_w: tuple[float, float] | None = None
-    lately: tuple[tuple[float, float, float], ...] = ()  # time and place of the last looks
-    best_m: float = np.inf  # nearest to the goal so far
-    best_at_m: float = 0.0  # travelled then
-    first_m: float = 0.0  # distance to the goal at the start
 
 
 def begin(
@@ -168,7 +92,7 @@ def step(
     state = _take_in(state, observation, scan, estimate)
     if state.end is not None:
         return state, state.end
-    place = _place(state, estimate)
+    place = place_of(state, estimate)
     distance = float(np.hypot(place.goal_w[0] - place.position_w[0], place.goal_w[1] - place.position_w[1]))
     if distance < _arrival_m(state, estimate):
         return _ended(state, Decision("arrived", f"goal {distance:.2f} m away"))
@@ -197,7 +121,7 @@ def _decide(state: NavigatorState, place: Place, time_s: float) -> tuple[Navigat
     choice = choose(state.memory, table, place, state.models, detour=state.detour)
     if choice.way is not None and choice.way.length_m > LEAST_WAY_M:
         return _drive(state, choice, table, place)
-    if state.way is not None and _goes_on(state, table, place):
+    if state.way is not None and goes_on(state, table, place):
         return state, replace(state.way, changed=False)
     return _recover(state, choice, table, place, time_s)
 
@@ -215,7 +139,7 @@ def _by_laser(
     fresh = _fresh(choice)
     way, rest = fresh, choice.way.waypoints_w
     if state.way is not None:
-        old = _rest(state.way.waypoints_w, np.asarray(place.position_w))
+        old = rest_of(state.way.waypoints_w, np.asarray(place.position_w))
         if _as_quick(state, found, old, choice.way, place):
             way, rest = replace(state.way, changed=False), old
     turn = turn_onto(rest, place)
@@ -236,7 +160,7 @@ def _as_quick(state: NavigatorState, found: Corridor, rest: FloatArray, fresh: C
     if np.hypot(*(rest[0] - fresh.waypoints_w[0])) > model.off_way_m:
         return False
     near_goal = np.hypot(*(rest[-1] - goal)) < state.goal_radius_m
-    if not near_goal and _length(rest) < model.extend_below_m:
+    if not near_goal and length_of(rest) < model.extend_below_m:
         return False
     most = model.speed.most_m_s
     turn_s_rad = model.speed.turn_s_rad * (1.0 + place.speed_m_s)  # at speed it must brake first
@@ -244,55 +168,6 @@ def _as_quick(state: NavigatorState, found: Corridor, rest: FloatArray, fresh: C
         found.way_cost(way, goal) + most * turn_s_rad * abs(turn_onto(way, place)) for way in (rest, fresh.waypoints_w)
     )
     return old < new * (1.0 + model.speed.jump_share) + model.speed.jump_s * most
-
-
-def note_trouble(state: NavigatorState, estimate: PoseEstimate, radius_m: float = 0.35) -> NavigatorState:
-    """The state after the rover met what it had not seen (stuck, slipping): it backs out.
-
-    If it was driving, and not turning onto its way, the place ahead is avoided from now on; only the last few such
-    places are, as each may have been soft ground or a bend, and together they would wall the rover in. Where it was
-    turning on the spot turns are dear from now on: its wheels stand in the pits that they dug. A rover that
-    was getting on, on a slope and upright, goes on: up steep sand wheels slip by 40 % all the way.
-    """
-    if _gets_on(state, estimate):
-        return replace(state, way=None)
-    avoid, dug, here = state.avoid_w, state.dug_w, estimate.pose.position_w[:2]
-    if _turning(state, estimate):
-        dug = np.vstack([dug, here])[-MOST_DUG:]
-    elif state.manoeuvre is None:
-        forward = rotation_from_quaternion(estimate.pose.quaternion_w)[:2, 0]
-        ahead = here + (state.models.footprint.length_m / 2 + radius_m) * forward
-        avoid = np.vstack([avoid, [*ahead, radius_m]])[-MOST_AVOIDED:]
-    return replace(
-        state, avoid_w=avoid, dug_w=dug, way=None, ladder=replace(state.ladder, back_first=True), manoeuvre=None
-    )
-
-
-def _gets_on(state: NavigatorState, estimate: PoseEstimate) -> bool:
-    """Whether the rover was driving a way on a slope, moved on to the end, and does not lean much more."""
-    if state.way is None or state.manoeuvre is not None or tilt(estimate) > UPRIGHT_RAD or not state.lately:
-        return False
-    if state.slope_rad < np.deg2rad(SLOPE_DEG):
-        return False
-    then_s, *before = state.lately[0]
-    moved_m, since_s = float(np.hypot(*(estimate.pose.position_w[:2] - before))), estimate.time_s - then_s
-    return since_s > 0.5 * LATELY_S and moved_m > GETS_ON_M_S * since_s
-
-
-def _turning(state: NavigatorState, estimate: PoseEstimate) -> bool:
-    """Whether the rover turns on the spot: it points far off where it is to go, or somewhat and stands."""
-    if state.manoeuvre is not None and state.manoeuvre.kind == "look":
-        return True
-    way_w = (
-        state.manoeuvre.way_w if state.manoeuvre is not None else None if state.way is None else state.way.waypoints_w
-    )
-    if way_w is None:
-        return False
-    off = turn_onto(_rest(way_w, estimate.pose.position_w[:2]), _place(state, estimate))
-    if state.manoeuvre is not None and state.manoeuvre.kind == "back_up":
-        off = wrap_angle(off + np.pi)
-    stands = bool(state.lately) and float(np.hypot(*(estimate.pose.position_w[:2] - state.lately[0][1:]))) < STANDS_M
-    return abs(off) > (TURNED_RAD if stands else TURNING_RAD)
 
 
 def _take_in(
@@ -330,15 +205,6 @@ def _take_in(
     )
 
 
-def _place(state: NavigatorState, estimate: PoseEstimate) -> Place:
-    x, y = (float(value) for value in estimate.pose.position_w[:2])
-    yaw = euler_from_quaternion(estimate.pose.quaternion_w)[2]
-    slope_deg, speed = float(np.rad2deg(state.slope_rad)), float(np.linalg.norm(estimate.velocity_w[:2]))
-    bold, downhill = state.ladder.bold, state.downhill_w
-    held = turning(state.memory.rocks, estimate.pose.position_w[:2], yaw, state.models.footprint, state.dug_w)
-    return Place((x, y), yaw, state.goal_w, state.goal_radius_m, slope_deg, bold, speed, downhill, held)
-
-
 def _table(state: NavigatorState) -> FloatArray:
     """Obstacles (N, 7) in the world: remembered rocks, places of trouble, the area's limits, forbidden ground."""
     models = state.models
@@ -356,8 +222,8 @@ def _drive(state: NavigatorState, choice: Choice, table: FloatArray, place: Plac
     """Keeps the present way if it is still good, else takes the new one."""
     fresh = _bent(state, _fresh(choice), table, place, choice)
     state = replace(state, detour=choice.detour)
-    rest = None if state.way is None else _rest(state.way.waypoints_w, np.asarray(place.position_w))
-    if state.way is not None and rest is not None and _still_good(state, rest, fresh, table, place, choice):
+    rest = None if state.way is None else rest_of(state.way.waypoints_w, np.asarray(place.position_w))
+    if state.way is not None and rest is not None and still_good(state, rest, fresh, table, place, choice):
         kept = replace(state.way, changed=False, candidates=choice.candidates, scores=choice.scores)
         return state, kept
     return replace(state, way=fresh), fresh
@@ -395,75 +261,6 @@ def _bent(state: NavigatorState, fresh: Decision, table: FloatArray, place: Plac
         return way_cost(way_w, state.memory, table, place, models, choice.to_go)
 
     return replace(fresh, waypoints_w=begin_with_bend(fresh.waypoints_w, place, free, cost))
-
-
-def _still_good(
-    state: NavigatorState, rest: FloatArray, fresh: Decision, table: FloatArray, place: Place, choice: Choice
-) -> bool:
-    """Whether the rest (N, 2) of the present way is free, long enough and not much worse than the fresh one."""
-    model, models = state.model, state.models
-    whole = 0.0 if state.way is None else _length(state.way.waypoints_w)
-    ends_at_goal = np.hypot(*(rest[-1] - state.goal_w)) < 0.1
-    if not ends_at_goal and _length(rest) < min(model.extend_below_m, 0.5 * whole):
-        return False
-    free = _free_part(state, rest, table, place, choice.to_go, squeeze=choice.squeeze)
-    if not len(free):
-        return False
-    old, new = (way_cost(way, state.memory, table, place, models, choice.to_go) for way in (free, fresh.waypoints_w))
-    return old < new + model.keep_gain_m + model.keep_share * new
-
-
-def _goes_on(state: NavigatorState, table: FloatArray, place: Place) -> bool:
-    """Whether the present way leads on although the search finds none: narrow gaps may fall between its cells."""
-    if state.way is None:
-        return False
-    rest = _rest(state.way.waypoints_w, np.asarray(place.position_w))
-    free = _free_part(state, rest, table, place, None, squeeze=True)
-    return len(free) > 0 and _length(free) > GOES_ON_M and abs(turn_onto(rest, place)) < TURNING_RAD
-
-
-def _free_part(
-    state: NavigatorState, rest: FloatArray, table: FloatArray, place: Place, to_go: EndCost | None, *, squeeze: bool
-) -> FloatArray:
-    """The rest of a way (N, 2) as far as it is free and something leads on from there, (M, 2).
-
-    What closes far off may open again. None of it where the rover is beside the way, or it is blocked near by.
-    """
-    model, drive = state.model, state.models.drive
-    narrow = squeeze or (state.way is not None and state.way.narrow)
-    need = drive.need_m(state.models.footprint, squeeze=narrow) - model.wobble_m
-    points = dense(rest, 0.25)
-    away = np.hypot(*(points - place.position_w).T)
-    shut = np.flatnonzero(segment_clearance(table, points) + drive.doubt_m(away[1:]) < need)
-    free = points if not len(shut) else points[: shut[0] + 1]
-    if to_go is not None:
-        leads = np.flatnonzero(np.isfinite(to_go(free)))
-        free = free[: leads[-1] + 1] if len(leads) else free[:0]
-    blocked = len(free) < len(points) and (not len(free) or _length(free) < model.blocked_m)
-    return free[:0] if blocked or away[0] > model.off_way_m or _strays(state, away[0], table, place) else free
-
-
-def _strays(state: NavigatorState, beside_m: float, table: FloatArray, place: Place) -> bool:
-    """Whether a rover that is ``beside_m`` from its way will meet a rock as it points: wheels can be held in a bend."""
-    if beside_m < BESIDE_M:
-        return False
-    here = np.asarray(place.position_w)
-    ahead = here + ROLLS_ON_M * np.array([np.cos(place.heading_rad), np.sin(place.heading_rad)])
-    half = state.models.footprint.width_m / 2.0
-    return float(segment_clearance(let_leave(table, here, half), np.stack([here, ahead])).min()) < half
-
-
-def _length(way_w: FloatArray) -> float:
-    return float(np.linalg.norm(np.diff(way_w, axis=0), axis=1).sum())
-
-
-def _rest(way_w: FloatArray, place: FloatArray) -> FloatArray:
-    """The way from its point nearest to ``place`` on, (N, 2), N >= 2."""
-    start, along = way_w[:-1], np.diff(way_w, axis=0)
-    share = ((place - start) * along).sum(axis=1) / np.maximum((along**2).sum(axis=1), 1e-12)
-    nearest = start + np.clip(share, 0.0, 1.0)[:, None] * along
-    leg = int(np.argmin(np.linalg.norm(nearest - place, axis=1)))
-    return np.vstack([nearest[leg], way_w[leg + 1 :]])
 
 
 def _recover(

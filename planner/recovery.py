@@ -98,7 +98,7 @@ def next_manoeuvre(
         tried, ladder = ladder.tried_w, replace(ladder, back_first=False, tried_w=place.position_w)
         in_vain = tried is not None and float(np.hypot(*np.subtract(tried, place.position_w))) < IN_VAIN_M
         away = _back(0.8, "back out of trouble", memory, table_w, track, place, footprint, time_s)
-        if in_vain or away is None or abs(_turn_to_back(away, place)) > MOST_TURN_RAD:
+        if in_vain or away is None or not _easy(_turn_to_back(away, place), place):
             # What did nothing once would do nothing again: without room for a nudge the ladder goes on.
             away = _nudge(table_w, place, footprint, time_s) or (None if in_vain else away)
         if away is not None:
@@ -108,7 +108,7 @@ def next_manoeuvre(
         ladder = replace(ladder, rung=ladder.rung + 1)
         if kind == "back_up":
             backing = _back(amount, "back out", memory, table_w, track, place, footprint, time_s)
-            if backing is not None:
+            if backing is not None and (place.bold or _easy(_turn_to_back(backing, place), place)):
                 return backing, ladder
         else:
             turn = _possible_turn(ladder.heading_rad + np.deg2rad(amount), table_w, memory.cells, place, footprint)
@@ -154,6 +154,12 @@ def _ease(pose: FloatArray, memory: TerrainMemory, table_w: FloatArray, place: P
         return 0.0
     easy = turning(memory.rocks, position, heading, footprint).reach(MOST_MET)
     return min(1.0, min(-easy[0], easy[1]) / ROOM_TO_TURN_RAD)
+
+
+def _easy(turn_rad: float, place: Place) -> bool:
+    """Whether rocks and pits hardly hold the wheels in a turn."""
+    right, left = place.turning.reach(MOST_MET)
+    return abs(turn_rad) < MOST_TURN_RAD or right <= turn_rad <= left
 
 
 def _turn_to_back(backing: Manoeuvre, place: Place) -> float:

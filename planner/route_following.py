@@ -11,7 +11,7 @@ import numpy as np
 from scipy import ndimage
 
 from planner import navigator
-from planner.navigator import Decision, NavigatorState
+from planner.navigator_state import Decision, NavigatorState
 from planner.risk_slopes import priced
 from planner.route import CostMap, Place, Refusal, Route, RouteModel, cost_map, plan_route, way_cost
 from planner.route_cost import SlopeCosts

@@ -7,7 +7,7 @@ from typing import Protocol
 
 import numpy as np
 
-from planner.navigator import Decision
+from planner.navigator_state import Decision
 from planner.terrain_map import RockMemory, empty_memory
 from rover_sim.autopilot.modes import MissionState, Mode, Severity
 from rover_sim.mavlink.geodesy import LocalFrame

@@ -9,9 +9,9 @@ import numpy as np
 
 from perception.pipeline import Knowledge, Perception, perceive
 from perception.tall import TallThings, ground_hue, tall_things
-from planner import navigator, route_following
+from planner import navigator, route_following, trouble
 from planner.lost import Search, search
-from planner.navigator import Decision, NavigatorState
+from planner.navigator_state import Decision, NavigatorState
 from planner.relocation import Located
 from planner.route_following import Following
 from planner.terrain_map import RockMemory
@@ -284,7 +284,7 @@ class OnboardComputer:
             reason, self._stops_here = f"stopped {self._stops_here} times about one place ({self.stop_text})", 0
             xy = (float(place[0]), float(place[1]))
             self.route, self.plan = route_following.given_up(self.route, self.plan, xy, reason)
-        self.plan = navigator.note_trouble(self.plan, estimate)
+        self.plan = trouble.note_trouble(self.plan, estimate)
         self._decision, self._upload = None, None
         self._want(Mode.HOLD)
 

@@ -14,7 +14,7 @@ from perception.pipeline import load_knowledge
 from planner import navigator
 from planner.choice import Models
 from planner.corridor import CAMERA_SPEED, SpeedModel
-from planner.navigator import NavigatorModel
+from planner.navigator_state import NavigatorModel
 from planner.obstacle_map import STEREO_DRIVE, DriveModel
 from planner.route_following import Following
 from planner.terrain_map import STEREO_MEMORY, MemoryModel

@@ -18,7 +18,7 @@ import numpy as np
 
 from planner.goal_field import goal_field
 from planner.ground_cells import CELL_M, CELLS, Source
-from planner.navigator import NavigatorState
+from planner.navigator_state import NavigatorState
 from planner.obstacle_map import obstacles
 from rover_sim.onboard import OnboardComputer, Sight
 from rover_sim.report.perceived_overlay import draw_overlay

@@ -9,6 +9,7 @@ import numpy as np
 
 from planner import choice, mobility, navigator
 from planner.mobility import Command
+from planner.navigator_state import Decision, NavigatorState
 from worlds.geometry import quaternion_from_euler
 from worlds.types import BoolArray, FloatArray, Footprint, Observation, PerceivedRock, Pose, PoseEstimate
 
@@ -150,7 +151,7 @@ class Traverse:
     backs: int
     sim_time_s: float
     decision_s: list[float]
-    state: navigator.NavigatorState
+    state: NavigatorState
 
     @property
     def length_m(self) -> float:
@@ -166,14 +167,14 @@ def traverse(
     time_limit_s: float = 200.0,
     start: tuple[float, float, float] = (0.0, 0.0, 0.0),
     clock: Callable[[], float] | None = None,
-    on_decision: Callable[[float, FloatArray, navigator.Decision, navigator.NavigatorState], None] | None = None,
+    on_decision: Callable[[float, FloatArray, Decision, NavigatorState], None] | None = None,
     models: choice.Models | None = None,
 ) -> Traverse:
     """Drive from ``start`` to ``goal``: a decision and a picture every 0.5 s, motion every 0.05 s."""
     pose = np.array(start, dtype=float)
     state = navigator.begin(goal, 0.5, FOOTPRINT, (start[0], start[1]), models=models)
     limits, progress, command = mobility.Limits(), mobility.Progress(), mobility.STOP
-    decision: navigator.Decision | None = None
+    decision: Decision | None = None
     track, collisions, missions, looks, backs, spent = [pose], 0, 0, 0, 0, []
     backing: FloatArray | None = None
     end, reason = "timeout", ""

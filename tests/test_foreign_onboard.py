@@ -11,7 +11,7 @@ import pytest
 
 from perception.pipeline import Knowledge, load_knowledge
 from planner import navigator
-from planner.navigator import Decision
+from planner.navigator_state import Decision
 from planner.relocation import Located
 from rover_sim.autopilot.modes import MissionState, Mode
 from rover_sim.mavlink.memory import MemoryEnd

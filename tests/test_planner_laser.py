@@ -14,6 +14,7 @@ from planner.choice import Place
 from planner.corridor import Corridor, SpeedModel, choose_way, corridor, room_speed
 from planner.ground_cells import empty_cells, sample
 from planner.laser_map import CELL_M, LaserMap, empty_laser_map, mark_free, note_scan
+from planner.navigator_state import Decision
 from planner.obstacle_map import NO_OBSTACLES, DriveModel
 from tests.planner_factory import FOOTPRINT, pose_at
 from worlds.geometry import quaternion_from_euler
@@ -196,7 +197,7 @@ def _drive_by_laser(
     state = navigator.begin(goal, 0.5, FOOTPRINT, (0.0, 0.0))
     limits, progress, command = mobility.Limits(), mobility.Progress(), mobility.STOP
     pose, track = np.zeros(3), []
-    decision: navigator.Decision | None = None
+    decision: Decision | None = None
     for tick in range(2400):
         estimate: PoseEstimate = pose_at(pose[0], pose[1], pose[2], tick * 0.05)
         if tick % 2 == 0:

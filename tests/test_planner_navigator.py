@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from planner import navigator
+from planner import navigator, trouble
 from planner.choice import Choice
 from tests.planner_factory import FOOTPRINT, DiscWorld, look, pose_at, rock_field, traverse
 
@@ -147,7 +147,7 @@ def test_trouble_ahead_is_backed_out_of_and_avoided() -> None:
     state = navigator.begin((10.0, 0.0), 0.5, FOOTPRINT, (0.0, 0.0))
     for x in np.arange(0.0, 3.0, 0.25):
         state, _ = navigator.step(state, look(DiscWorld.of([]), np.array([x, 0, 0]), x, None), pose_at(x, 0, 0), x)
-    state = navigator.note_trouble(state, pose_at(2.75, 0, 0))
+    state = trouble.note_trouble(state, pose_at(2.75, 0, 0))
     state, decision = navigator.step(state, None, pose_at(2.75, 0, 0), 3.5)
     assert decision.kind == "back_up"
     assert decision.waypoints_w[0, 0] - decision.waypoints_w[-1, 0] == pytest.approx(0.8, abs=0.2)

@@ -10,8 +10,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from msgspec import structs
 
-from planner import mobility, navigator
+from planner import mobility, navigator, trouble
+from planner.choice import turn_prices
+from planner.navigator_state import place_of
 from planner.obstacle_map import STEREO_DRIVE, DriveModel, distance_to, fence, judged, obstacles
+from planner.room import PIT_WALLS
 from planner.terrain_map import STEREO_MEMORY, empty_memory, remember, rock_at
 from planner.track import NO_TRACK, STEP_M, note, way_back
 from tests.planner_factory import FOOTPRINT, DiscWorld, look, pose_at
@@ -65,14 +68,14 @@ def test_backing_follows_a_bend_that_was_driven() -> None:
     corner = [(0.1 * n, 0.0, 0.0) for n in range(21)] + [(2.0, 0.1 * n, np.pi / 2) for n in range(1, 6)]
     for n, pose in enumerate(corner):
         state, _ = navigator.step(state, look(DiscWorld.of([]), np.array(pose), n, None), pose_at(*pose), float(n))
-    state = navigator.note_trouble(state, pose_at(*corner[-1]))
+    state = trouble.note_trouble(state, pose_at(*corner[-1]))
     _, decision = navigator.step(state, None, pose_at(*corner[-1]), 40.0)
     assert decision.kind == "back_up"
     assert np.abs(decision.waypoints_w[:, 0] - 2.0).max() > 0.1, "it goes round the corner, not through"
     assert decision.waypoints_w[-1, 1] < 0.1
 
 
-@pytest.mark.parametrize(("rocks_m", "moved_m"), [(1.6, 0.5), (1.2, 0.25)])
+@pytest.mark.parametrize(("rocks_m", "moved_m"), [(1.6, 1.2), (1.2, 0.25)])
 def test_out_of_a_turn_in_vain_the_rover_goes_straight_as_far_as_there_is_room(rocks_m: float, moved_m: float) -> None:
     state = navigator.begin((10.0, 0.0), 0.5, FOOTPRINT, (0.0, 0.0))
     world = DiscWorld.of([(2.0, rocks_m, 0.2), (2.0, -rocks_m, 0.2)])
@@ -80,10 +83,21 @@ def test_out_of_a_turn_in_vain_the_rover_goes_straight_as_far_as_there_is_room(r
         pose = (0.1 * n, 0.0, 0.0)
         state, _ = navigator.step(state, look(world, np.array(pose), n, None), pose_at(*pose), float(n))
     turned = pose_at(2.0, 0.0, np.pi / 2)  # across the way in, between two rocks
-    state = navigator.note_trouble(state, turned)
+    state = trouble.note_trouble(state, turned)
     _, decision = navigator.step(state, None, turned, 40.0)
     assert decision.kind == "back_up"
     np.testing.assert_allclose(decision.waypoints_w[-1], [2.0, -moved_m], atol=1e-9)
+
+
+def test_where_a_turn_was_in_vain_turns_are_dear_and_nothing_ahead_is_to_blame() -> None:
+    state = navigator.begin((-10.0, 0.0), 0.5, FOOTPRINT, (0.0, 0.0))  # behind it: it begins with a turn
+    state, _ = navigator.step(state, look(DiscWorld.of([]), np.zeros(3), 0.0, None), pose_at(0.0, 0.0, 0.0), 0.0)
+    stuck = trouble.note_trouble(state, pose_at(0.0, 0.0, 0.3))
+    assert not len(stuck.avoid_w)
+    np.testing.assert_allclose(stuck.dug_w, [[0.0, 0.0]])
+    turns = np.array([-1.0, 1.0])
+    for x_m, price in ((0.2, 1.0 + PIT_WALLS), (0.6, 1.0)):
+        np.testing.assert_allclose(turn_prices(place_of(stuck, pose_at(x_m, 0.0, 0.0)), turns), price)
 
 
 def test_backing_out_that_did_nothing_is_not_tried_again() -> None:
@@ -92,11 +106,11 @@ def test_backing_out_that_did_nothing_is_not_tried_again() -> None:
         pose = (0.1 * n, 0.0, 0.0)
         state, _ = navigator.step(state, look(DiscWorld.of([]), np.array(pose), n, None), pose_at(*pose), float(n))
     turned = pose_at(2.0, 0.0, 0.5)
-    state, first = navigator.step(navigator.note_trouble(state, turned), None, turned, 40.0)
-    state, second = navigator.step(navigator.note_trouble(state, turned), None, turned, 42.0)
+    state, first = navigator.step(trouble.note_trouble(state, turned), None, turned, 40.0)
+    state, second = navigator.step(trouble.note_trouble(state, turned), None, turned, 42.0)
     assert (first.kind, second.kind) == ("back_up", "back_up")
     np.testing.assert_allclose(first.waypoints_w[-1, 1], 0.0, atol=0.05)  # along the way in
-    np.testing.assert_allclose(second.waypoints_w[-1], [2.0 - 0.5 * np.cos(0.5), -0.5 * np.sin(0.5)], atol=1e-9)
+    np.testing.assert_allclose(second.waypoints_w[-1], [2.0 - 1.2 * np.cos(0.5), -1.2 * np.sin(0.5)], atol=1e-9)
 
 
 def test_without_room_for_a_nudge_the_ladder_goes_on() -> None:
@@ -107,8 +121,8 @@ def test_without_room_for_a_nudge_the_ladder_goes_on() -> None:
         state, _ = navigator.step(state, look(world, np.array(pose), n, None), pose_at(*pose), float(n))
     turned = pose_at(2.0, 0.0, 0.0)
     state, _ = navigator.step(state, look(world, np.array([2.0, 0.0, 0.0]), 22.0, None), turned, 22.0)
-    state, first = navigator.step(navigator.note_trouble(state, turned), None, turned, 40.0)
-    state, second = navigator.step(navigator.note_trouble(state, turned), None, turned, 42.0)
+    state, first = navigator.step(trouble.note_trouble(state, turned), None, turned, 40.0)
+    state, second = navigator.step(trouble.note_trouble(state, turned), None, turned, 42.0)
     assert first.kind == "back_up"  # along the way in, with a turn
     assert second.kind != "back_up"
 
@@ -118,20 +132,20 @@ def test_a_turn_in_vain_makes_no_place_of_trouble_ahead() -> None:
     here = pose_at(0.0, 0.0, 0.0)
     state, decision = navigator.step(state, look(DiscWorld.of([]), np.zeros(3), 0.0, None), here, 0.0)
     assert decision.kind == "drive"
-    assert not len(navigator.note_trouble(state, here).avoid_w)
+    assert not len(trouble.note_trouble(state, here).avoid_w)
     for x in (0.0, -2.0):
-        assert len(navigator.note_trouble(state, pose_at(x, 0.0, np.pi)).avoid_w) == 1
+        assert len(trouble.note_trouble(state, pose_at(x, 0.0, np.pi)).avoid_w) == 1
 
 
 def test_only_the_last_places_of_trouble_are_avoided_and_none_for_a_manoeuvre() -> None:
     state = navigator.begin((10.0, 0.0), 0.5, FOOTPRINT, (0.0, 0.0))
     for x in range(6):
-        state = navigator.note_trouble(state, pose_at(float(x), 0.0, 0.0))
-    assert len(state.avoid_w) == navigator.MOST_AVOIDED
+        state = trouble.note_trouble(state, pose_at(float(x), 0.0, 0.0))
+    assert len(state.avoid_w) == trouble.MOST_AVOIDED
     assert state.avoid_w[-1, 0] > 5.0
     state, decision = navigator.step(state, None, pose_at(5.0, 0.0, 0.0), 1.0)
     assert decision.kind in {"back_up", "look"}
-    assert len(navigator.note_trouble(state, pose_at(5.0, 0.0, 0.0)).avoid_w) == navigator.MOST_AVOIDED
+    assert len(trouble.note_trouble(state, pose_at(5.0, 0.0, 0.0)).avoid_w) == trouble.MOST_AVOIDED
 
 
 @pytest.mark.parametrize(
@@ -150,9 +164,9 @@ def test_a_stop_of_a_rover_that_gets_on_up_a_slope_is_no_trouble(
     x, time_s = speed_m_s * 4.2, 4.2
     leaning = Pose(np.array([x, 0.0, 0.165]), quaternion_from_euler(0.0, -tilt_rad, 0.0))
     stopped = replace(pose_at(x, 0.0, 0.0, time_s), pose=leaning)
-    _, decision = navigator.step(navigator.note_trouble(state, stopped), None, stopped, time_s)
+    _, decision = navigator.step(trouble.note_trouble(state, stopped), None, stopped, time_s)
     assert (decision.kind == "drive") is goes_on
-    assert len(navigator.note_trouble(state, stopped).avoid_w) == (not goes_on)
+    assert len(trouble.note_trouble(state, stopped).avoid_w) == (not goes_on)
 
 
 @given(st.floats(-4.0, 9.0), st.floats(-3.0, 2.0))

@@ -8,7 +8,7 @@ import pytest
 from scipy import ndimage
 
 from planner import navigator, route_following
-from planner.navigator import Decision, NavigatorState
+from planner.navigator_state import Decision, NavigatorState
 from planner.route import CostMap, Place, cost_map, plan_route, way_cost
 from planner.route_cost import slope_costs
 from planner.route_following import CLEAR_M, Following

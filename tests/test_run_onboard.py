@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from perception.pipeline import Knowledge, load_knowledge
-from planner import navigator, route_following
+from planner import navigator, route_following, trouble
 from planner.relocation import Located
 from planner.route_cost import slope_costs
 from planner.route_ground import ElevationMap
@@ -247,7 +247,7 @@ def test_ground_stations_see_each_new_plan_by_its_id_and_no_plan_is_sent_twice(
 ) -> None:
     drive = Shared((9.0, 0.0), knowledge, monkeypatch)
     drive.run(lambda: drive.rover.x_m > 3.0, 30.0)
-    drive.onboard.plan = navigator.note_trouble(drive.onboard.plan, drive.rover.estimate())  # something to plan around
+    drive.onboard.plan = trouble.note_trouble(drive.onboard.plan, drive.rover.estimate())  # something to plan around
     drive.run(lambda: drive.onboard.plan.end is not None, 90.0)
     drive.station.listen(drive.rover.time_s)
     ids = [message.mission_id for message in drive.station.take("MISSION_CURRENT")]
