@@ -30,6 +30,7 @@ DISPARITY_SD_PX, SHARED_SD_PX = 0.15, 0.08  # one sigma of a pixel alone, and of
 FORM_SD_M = 0.05  # of a rock's centre against its near face
 _DISPARITIES = 64  # of the working picture; nearer than f B / 64 nothing is measured
 _BLOCK_PX = 5
+_OUTSIDE_PX = _BLOCK_PX // 2 + 1  # so near the rim of the second picture a partner is not seen whole
 _STEPS = 16.0  # of OpenCV's fixed point
 _FOOT_SHARE, _LEAST_PX = 0.35, 6  # of the rock's rows, from the bottom, that show its near face
 _AROUND_PX = (31, 9)  # of the picture whose ground is averaged
@@ -104,7 +105,9 @@ def _matched(left: ByteArray, right: ByteArray, focal_baseline: float) -> FloatA
         mode=cv2.STEREO_SGBM_MODE_HH,
     )
     disparity = matcher.compute(wide[0], wide[1])[:, _DISPARITIES:] / _STEPS
-    return np.asarray(focal_baseline / np.where(disparity > 0, disparity, np.nan))
+    # What the second eye does not see is matched to the room given, and towers over the ground.
+    seen = disparity <= np.arange(disparity.shape[1]) - _OUTSIDE_PX
+    return np.asarray(focal_baseline / np.where((disparity > 0) & seen, disparity, np.nan))
 
 
 @lru_cache(maxsize=4)

@@ -47,6 +47,15 @@ def test_a_shifted_picture_has_the_depth_of_its_shift() -> None:
     assert np.nanmedian(depth) == pytest.approx(200.0 * 0.12 / 8.0, rel=0.01)
 
 
+def test_what_the_second_eye_does_not_see_has_no_depth() -> None:
+    wall = cv2.GaussianBlur(np.random.default_rng(1).integers(0, 256, (240, 360), dtype=np.uint8), (0, 0), 1.2)
+    left, right = np.asarray(wall[:, :320], np.uint8), np.asarray(wall[:, 20:340], np.uint8)
+    depth = depth_picture(left, right, CAMERA, (1.0, 1.0), 0.12)
+    assert not (depth[:, :22] < 1.3).any()  # no nearer than the wall, 1.2 m away, that is cut off there
+    assert np.isfinite(depth[:, 26:]).mean() > 0.95
+    assert np.nanmedian(depth) == pytest.approx(200.0 * 0.12 / 20.0, rel=0.01)
+
+
 def test_pixels_are_told_apart_by_their_labels() -> None:
     labels = np.array([[0, 2, 2], [1, 0, 2]], np.int32)
     (first, second, none) = pixels_by_label(labels, 3)
