@@ -63,9 +63,8 @@ class DriveModel:
 
 
 # Two eyes measure how high a piece is; one takes the height from the breadth, and a piece for a low rock. What is
-# believed better needs less of a margin elsewhere: more rocks are hard, and low ones, which hold wheels, cost more. Of
-# rocks within 2 m that the belly meets with a probability of .10 to .18 none was found to be so high, by .22 a sixth.
-STEREO_DRIVE = DriveModel(touching=0.0, low_weight=1.2, belly_share=1.08, most_doubt=0.2)
+# believed better needs less of a margin elsewhere: more rocks are hard, and low ones, which hold wheels, cost more.
+STEREO_DRIVE = DriveModel(touching=0.0, low_weight=1.2, belly_share=1.08)
 
 
 @dataclass(frozen=True)
