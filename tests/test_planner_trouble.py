@@ -45,6 +45,14 @@ def one_rock(height_m: float) -> Observation:
     return Observation(0.0, (rock,), np.empty((0, 0), dtype=np.str_), np.zeros((0, 0, 2)), np.zeros((0, 2)))
 
 
+@pytest.mark.parametrize(("height_m", "near", "far"), [(0.11, True, False), (0.14, True, True), (0.07, False, False)])
+def test_far_rocks_are_hard_only_if_they_are_probably_too_high(height_m: float, near: bool, far: bool) -> None:
+    # The belly meets what is 1.15 climb heights high, here 0.115 m; one sigma of a centimetre counts as one and a half.
+    rocks = remember(empty_memory(np.zeros(2)), one_rock(height_m), np.zeros(2)).rocks
+    hard = [obstacles(rocks, DriveModel(), CLIMB_M, place_w=np.array([x, 0.0]))[0, 6] for x in (1.0, -1.0)]
+    assert hard == [near, far]
+
+
 def test_the_track_grows_by_steps_and_shrinks_where_it_is_backed_out_of() -> None:
     there = [(x, 0.0, 0.0) for x in np.arange(0.0, 2.01, 0.05)]
     track = driven(there)
