@@ -14,7 +14,16 @@ import numpy as np
 
 from planner.goal_field import STEP_M, GoalField, goal_field
 from planner.ground_cells import sample
-from planner.obstacle_map import MAX_CLEARANCE_M, DriveModel, Frame2, let_leave, near, obstacle_grid, segment_clearance
+from planner.obstacle_map import (
+    MAX_CLEARANCE_M,
+    DriveModel,
+    Frame2,
+    let_leave,
+    near,
+    obstacle_grid,
+    risked,
+    segment_clearance,
+)
 from planner.room import FREE, Turning, turn_range, turning
 from planner.row_search import Candidate, EndCost, RowModel, RowSearch, Task, room_for, search
 from planner.terrain_map import TerrainMemory
@@ -217,7 +226,8 @@ def _towards(
         _room(memory, table_w, place, models),
         partial(turn_prices, place),
     )
-    return search(table_w, memory.cells, task, models.drive, models.rows)
+    table = risked(table_w, models.drive) if squeeze else table_w
+    return search(table, memory.cells, task, models.drive, models.rows)
 
 
 def _room(memory: TerrainMemory, table_w: FloatArray, place: Place, models: Models) -> tuple[float, float]:
@@ -242,7 +252,8 @@ def _distance_to(place: Place) -> EndCost:
 def _field(memory: TerrainMemory, table_w: FloatArray, place: Place, models: Models, *, squeeze: bool) -> GoalField:
     need = models.drive.need_m(models.footprint, squeeze=squeeze)
     position, goal = np.asarray(place.position_w), np.asarray(place.goal_w)
-    return goal_field(table_w, memory.cells, position, goal, place.goal_radius_m, need, models.drive)
+    table = risked(table_w, models.drive) if squeeze else table_w
+    return goal_field(table, memory.cells, position, goal, place.goal_radius_m, need, models.drive)
 
 
 def _round(
@@ -294,7 +305,8 @@ def _setting_out(
     headings = place.heading_rad + np.linspace(-np.pi, np.pi, DIRECTIONS, endpoint=False)
     ends = position + SET_OUT_M * np.stack([np.cos(headings), np.sin(headings)], axis=1)
     there_and_back = np.stack([np.broadcast_to(position, ends.shape), ends], axis=1).reshape(-1, 2)
-    around = let_leave(near(table_w, position, SET_OUT_M + MAX_CLEARANCE_M), position, need)
+    close = near(table_w, position, SET_OUT_M + MAX_CLEARANCE_M)
+    around = let_leave(risked(close, models.drive) if squeeze else close, position, need)
     right, left = _room(memory, table_w, place, models)
     free = segment_clearance(around, there_and_back)[::2] >= need
     free &= room_for(headings - place.heading_rad, (right, left))
@@ -334,6 +346,7 @@ def _chosen(
 ) -> Choice:
     """The candidate of highest traversability, where a metre of way counts too (step 10 of the paper's table 1)."""
     need = models.drive.need_m(models.footprint, squeeze=squeeze)
+    table_w = risked(table_w, models.drive) if squeeze else table_w
     scores = score(found.candidates, table_w, place, models, need)
     worth = WORTH_M * scores - np.array([c.cost for c in found.candidates])
     best = int(np.argmax(worth))

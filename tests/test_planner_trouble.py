@@ -13,7 +13,7 @@ from msgspec import structs
 from planner import mobility, navigator, trouble
 from planner.choice import turn_prices
 from planner.navigator_state import place_of
-from planner.obstacle_map import STEREO_DRIVE, DriveModel, distance_to, fence, judged, obstacles
+from planner.obstacle_map import STEREO_DRIVE, DriveModel, belly_meets, distance_to, fence, judged, obstacles, risked
 from planner.room import PIT_WALLS
 from planner.terrain_map import STEREO_MEMORY, empty_memory, remember, rock_at
 from planner.track import NO_TRACK, STEP_M, note, way_back
@@ -43,6 +43,18 @@ def one_rock(height_m: float) -> Observation:
     """A look that shows one rock whose height is known to a centimetre."""
     rock = structs.replace(rock_at((2.0, 0.0, 0.0), 0.3, height_m), height_sd_m=0.01)
     return Observation(0.0, (rock,), np.empty((0, 0), dtype=np.str_), np.zeros((0, 0, 2)), np.zeros((0, 2)))
+
+
+def test_a_narrow_way_may_lead_over_what_is_hardly_too_high_at_its_price() -> None:
+    model = DriveModel(squeeze_doubt=0.25)
+    rocks = remember(empty_memory(np.zeros(2)), one_rock(0.1), np.zeros(2)).rocks  # a sigma below what the belly meets
+    (doubt,) = belly_meets(rocks, model, CLIMB_M)
+    assert 0.135 < doubt < 0.25
+    table = obstacles(rocks, model, CLIMB_M, place_w=np.array([1.0, 0.0]))
+    assert table[0, 6] == pytest.approx(1.0 - doubt)
+    np.testing.assert_allclose(risked(table, model)[0, 5:], [model.doubt_weight * doubt, 0.0])
+    surely = obstacles(rocks, DriveModel(), CLIMB_M, place_w=np.array([1.0, 0.0]))
+    np.testing.assert_array_equal(risked(surely, DriveModel()), surely)
 
 
 @pytest.mark.parametrize(("height_m", "near", "far"), [(0.11, True, False), (0.14, True, True), (0.07, False, False)])
