@@ -21,7 +21,7 @@ from planner.obstacle_map import (
     let_leave,
     near,
     obstacle_grid,
-    risked,
+    passed_by,
     segment_clearance,
 )
 from planner.room import FREE, Turning, turn_range, turning
@@ -226,7 +226,7 @@ def _towards(
         _room(memory, table_w, place, models),
         partial(turn_prices, place),
     )
-    table = risked(table_w, models.drive) if squeeze else table_w
+    table = passed_by(table_w, models.drive, squeeze=squeeze)
     return search(table, memory.cells, task, models.drive, models.rows)
 
 
@@ -252,7 +252,7 @@ def _distance_to(place: Place) -> EndCost:
 def _field(memory: TerrainMemory, table_w: FloatArray, place: Place, models: Models, *, squeeze: bool) -> GoalField:
     need = models.drive.need_m(models.footprint, squeeze=squeeze)
     position, goal = np.asarray(place.position_w), np.asarray(place.goal_w)
-    table = risked(table_w, models.drive) if squeeze else table_w
+    table = passed_by(table_w, models.drive, squeeze=squeeze)
     return goal_field(table, memory.cells, position, goal, place.goal_radius_m, need, models.drive)
 
 
@@ -306,7 +306,7 @@ def _setting_out(
     ends = position + SET_OUT_M * np.stack([np.cos(headings), np.sin(headings)], axis=1)
     there_and_back = np.stack([np.broadcast_to(position, ends.shape), ends], axis=1).reshape(-1, 2)
     close = near(table_w, position, SET_OUT_M + MAX_CLEARANCE_M)
-    around = let_leave(risked(close, models.drive) if squeeze else close, position, need)
+    around = let_leave(passed_by(close, models.drive, squeeze=squeeze), position, need)
     right, left = _room(memory, table_w, place, models)
     free = segment_clearance(around, there_and_back)[::2] >= need
     free &= room_for(headings - place.heading_rad, (right, left))
@@ -346,7 +346,7 @@ def _chosen(
 ) -> Choice:
     """The candidate of highest traversability, where a metre of way counts too (step 10 of the paper's table 1)."""
     need = models.drive.need_m(models.footprint, squeeze=squeeze)
-    table_w = risked(table_w, models.drive) if squeeze else table_w
+    table_w = passed_by(table_w, models.drive, squeeze=squeeze)
     scores = score(found.candidates, table_w, place, models, need)
     worth = WORTH_M * scores - np.array([c.cost for c in found.candidates])
     best = int(np.argmax(worth))

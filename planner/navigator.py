@@ -13,7 +13,7 @@ from planner.ground_cells import driven_view, sample
 from planner.laser_map import LaserMap
 from planner.monitor import tilt
 from planner.navigator_state import Decision, NavigatorModel, NavigatorState, place_of
-from planner.obstacle_map import NO_OBSTACLES, Area, fence, judged, let_leave, obstacles, risked, segment_clearance
+from planner.obstacle_map import NO_OBSTACLES, Area, fence, judged, let_leave, obstacles, passed_by, segment_clearance
 from planner.recovery import Ladder, Manoeuvre, finished, next_manoeuvre
 from planner.room import turn_range
 from planner.row_search import Candidate
@@ -250,7 +250,7 @@ def _bent(state: NavigatorState, fresh: Decision, table: FloatArray, place: Plac
         return fresh
     models, cells = state.models, state.memory.cells
     need = models.drive.need_m(models.footprint, squeeze=choice.squeeze)
-    passed = risked(table, models.drive) if choice.squeeze else table
+    passed = passed_by(table, models.drive, squeeze=choice.squeeze)
     around = let_leave(passed, np.asarray(place.position_w), need)
 
     def free(way_w: FloatArray) -> bool:

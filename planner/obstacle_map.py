@@ -139,8 +139,10 @@ def obstacles(
     return np.vstack([table, _joined(rocks.select(sure & ~hard), model, climb_height_m)])
 
 
-def risked(table: FloatArray, model: DriveModel) -> FloatArray:
-    """Obstacles (N, 7) as a narrow way takes them: what is hardly too high may be driven over, at its price."""
+def passed_by(table: FloatArray, model: DriveModel, *, squeeze: bool) -> FloatArray:
+    """Obstacles (N, 7) as a way takes them: a narrow one may lead over what is hardly too high, at its price."""
+    if not squeeze:
+        return table
     doubtful = (table[:, 6] > 0.5) & (table[:, 6] < 1.0)
     passed = table.copy()
     passed[doubtful, 5] = model.doubt_weight * (1.0 - table[doubtful, 6])

@@ -9,6 +9,7 @@ import numpy as np
 from planner.choice import SLOPE_DEG, turn_onto
 from planner.monitor import tilt
 from planner.navigator_state import NavigatorState, place_of
+from planner.recovery import Manoeuvre
 from planner.way_keeping import TURNING_RAD, rest_of
 from worlds.geometry import rotation_from_quaternion, wrap_angle
 from worlds.types import PoseEstimate
@@ -56,15 +57,12 @@ def _gets_on(state: NavigatorState, estimate: PoseEstimate) -> bool:
 
 def _turning(state: NavigatorState, estimate: PoseEstimate) -> bool:
     """Whether the rover turns on the spot: it points far off where it is to go, or somewhat and stands."""
-    if state.manoeuvre is not None and state.manoeuvre.kind == "look":
-        return True
-    way_w = (
-        state.manoeuvre.way_w if state.manoeuvre is not None else None if state.way is None else state.way.waypoints_w
-    )
-    if way_w is None:
-        return False
-    off = turn_onto(rest_of(way_w, estimate.pose.position_w[:2]), place_of(state, estimate))
-    if state.manoeuvre is not None and state.manoeuvre.kind == "back_up":
+    doing, here = state.manoeuvre or state.way, estimate.pose.position_w[:2]
+    if doing is None or doing.kind == "look":
+        return doing is not None
+    way_w = doing.way_w if isinstance(doing, Manoeuvre) else doing.waypoints_w
+    off = turn_onto(rest_of(way_w, here), place_of(state, estimate))
+    if doing.kind == "back_up":
         off = wrap_angle(off + np.pi)
-    stands = bool(state.lately) and float(np.hypot(*(estimate.pose.position_w[:2] - state.lately[0][1:]))) < STANDS_M
+    stands = bool(state.lately) and float(np.hypot(*(here - state.lately[0][1:]))) < STANDS_M
     return abs(off) > (TURNED_RAD if stands else TURNING_RAD)

@@ -6,7 +6,7 @@ import numpy as np
 
 from planner.choice import Choice, Place, dense, turn_onto, way_cost
 from planner.navigator_state import Decision, NavigatorState
-from planner.obstacle_map import let_leave, risked, segment_clearance
+from planner.obstacle_map import let_leave, passed_by, segment_clearance
 from planner.row_search import EndCost
 from worlds.types import FloatArray
 
@@ -50,7 +50,7 @@ def _free_part(
     model, drive = state.model, state.models.drive
     narrow = squeeze or (state.way is not None and state.way.narrow)
     need = drive.need_m(state.models.footprint, squeeze=narrow) - model.wobble_m
-    table = risked(table, drive) if narrow else table
+    table = passed_by(table, drive, squeeze=narrow)
     points = dense(rest, 0.25)
     away = np.hypot(*(points - place.position_w).T)
     shut = np.flatnonzero(segment_clearance(table, points) + drive.doubt_m(away[1:]) < need)

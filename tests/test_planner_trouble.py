@@ -13,7 +13,7 @@ from msgspec import structs
 from planner import mobility, navigator, trouble
 from planner.choice import turn_prices
 from planner.navigator_state import place_of
-from planner.obstacle_map import STEREO_DRIVE, DriveModel, belly_meets, distance_to, fence, judged, obstacles, risked
+from planner.obstacle_map import STEREO_DRIVE, DriveModel, belly_meets, distance_to, fence, judged, obstacles, passed_by
 from planner.room import PIT_WALLS
 from planner.terrain_map import STEREO_MEMORY, empty_memory, remember, rock_at
 from planner.track import NO_TRACK, STEP_M, note, way_back
@@ -52,9 +52,9 @@ def test_a_narrow_way_may_lead_over_what_is_hardly_too_high_at_its_price() -> No
     assert 0.135 < doubt < 0.25
     table = obstacles(rocks, model, CLIMB_M, place_w=np.array([1.0, 0.0]))
     assert table[0, 6] == pytest.approx(1.0 - doubt)
-    np.testing.assert_allclose(risked(table, model)[0, 5:], [model.doubt_weight * doubt, 0.0])
+    np.testing.assert_allclose(passed_by(table, model, squeeze=True)[0, 5:], [model.doubt_weight * doubt, 0.0])
     surely = obstacles(rocks, DriveModel(), CLIMB_M, place_w=np.array([1.0, 0.0]))
-    np.testing.assert_array_equal(risked(surely, DriveModel()), surely)
+    np.testing.assert_array_equal(passed_by(surely, DriveModel(), squeeze=True), surely)
 
 
 @pytest.mark.parametrize(("height_m", "near", "far"), [(0.11, True, False), (0.14, True, True), (0.07, False, False)])
