@@ -12,7 +12,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from planner.goal_field import STEP_M, GoalField, goal_field
+from planner.goal_field import STEP_M, FieldGround, GoalField, field_ground, goal_field
 from planner.ground_cells import sample
 from planner.obstacle_map import (
     MAX_CLEARANCE_M,
@@ -33,6 +33,8 @@ from worlds.types import FloatArray, Footprint
 
 SUB_GOALS_M = (6.5, 4.5, 3.0, 2.0, 1.2)  # along the field's way, tried in turn
 SET_OUT_M, DIRECTIONS = 1.2, 24  # of the first stretch of a way round, and how many are compared
+SET_OUT_COST_M = 4.0  # more than the first stretch can cost or spare
+AS_GOOD_SHARE, AS_GOOD_M = 1.15, 0.5  # of the least cost of a way round, so good the straight way may be
 AHEAD_M = (1.8, 1.0)  # to make room
 SQUEEZE_SHARE, SQUEEZE_M = 1.1, 2.0  # cost of a way through narrow gaps against one that keeps the whole margin
 TURN_M = 1.0  # of way that a radian of turning on the spot costs where an old way is compared with a new one
@@ -67,6 +69,25 @@ class Models:
 
 
 @dataclass(frozen=True, eq=False)
+class Scene:
+    """What one choice is made from."""
+
+    memory: TerrainMemory
+    table_w: FloatArray  # (N, 7) obstacles
+    place: Place
+    models: Models
+    room_rad: tuple[float, float]  # how far it can turn on the spot here, right (<= 0) and left
+
+    def need_m(self, *, squeeze: bool) -> float:
+        """Centre line to hard rock."""
+        return self.models.drive.need_m(self.models.footprint, squeeze=squeeze)
+
+    def passed(self, *, squeeze: bool) -> FloatArray:
+        """Obstacles (N, 7) as a way takes them."""
+        return passed_by(self.table_w, self.models.drive, squeeze=squeeze)
+
+
+@dataclass(frozen=True, eq=False)
 class Choice:
     """The way chosen, and the others; ``way`` is None when there is none."""
 
@@ -86,35 +107,28 @@ def choose(memory: TerrainMemory, table_w: FloatArray, place: Place, models: Mod
 
     On a detour the straight way is taken again only when the field finds it no worse than the way round.
     """
+    scene = Scene(memory, table_w, place, models, _room(memory, table_w, place, models))
     straight = None
     if not detour:
-        straight = _direct(memory, table_w, place, models, squeeze=False, end_cost=_distance_to(place))
+        straight = _direct(scene, squeeze=False, end_cost=_distance_to(place))
         if straight.blocked_row is None and straight.candidates:
-            return _chosen(
-                straight, table_w, place, models, detour=False, squeeze=False, reason="free rows to the goal"
-            )
-    fields = [_field(memory, table_w, place, models, squeeze=squeeze) for squeeze in (False, True)]
-    wide, narrow = (float(field.at(np.array([place.position_w]))[0]) for field in fields)
-    ways, costs = zip(
-        *(
-            _setting_out(memory, table_w, place, models, field, squeeze=squeeze)
-            for squeeze, field in zip((False, True), fields, strict=True)
-        ),
-        strict=True,
-    )
-    through = costs[True] * SQUEEZE_SHARE + SQUEEZE_M < costs[False]  # a long way round is no better than a narrow gap
+            return _chosen(straight, scene, detour=False, squeeze=False, reason="free rows to the goal")
+    ground = field_ground(memory.cells, np.asarray(place.position_w))
+    narrow = _setting_out(scene, _field(scene, ground, squeeze=True), squeeze=True)
+    most = narrow.cost * SQUEEZE_SHARE + SQUEEZE_M  # a longer way round is no better than a narrow gap
+    wide = _setting_out(scene, _field(scene, ground, squeeze=False, most=most + SET_OUT_COST_M), squeeze=False)
+    through = most < wide.cost
     for squeeze in (True, False) if through else (False, True):
-        here = narrow if squeeze else wide
-        if not np.isfinite(here):
-            continue
-        choice = _round(memory, table_w, place, models, fields[squeeze], here, ways[squeeze], squeeze=squeeze)
+        if through and not squeeze:  # now the whole of it is asked for
+            wide = _setting_out(scene, _field(scene, ground, squeeze=False), squeeze=False)
+        choice = _round(scene, narrow if squeeze else wide, squeeze=squeeze)
         if choice is not None:
-            return replace(choice, to_go=fields[True].at)
-    enclosed = not np.isfinite(narrow)
+            return replace(choice, to_go=narrow.field.at)
+    enclosed = not np.isfinite(narrow.here)
     if not enclosed:
-        ahead = _ahead(memory, table_w, place, models, fields[True], narrow)
+        ahead = _ahead(scene, narrow)
         if ahead is not None:
-            return replace(ahead, to_go=fields[True].at)
+            return replace(ahead, to_go=narrow.field.at)
     row = straight.blocked_row if straight is not None else None
     where = f"row {row} ahead is blocked" if row is not None else "no row is free"
     return Choice(None, 0.0, (), (), detour=True, squeeze=True, enclosed=enclosed, reason=where)
@@ -180,54 +194,34 @@ def dense(waypoints_w: FloatArray, spacing_m: float) -> FloatArray:
     return np.concatenate([*pieces, waypoints_w[-1:]])
 
 
-def score(
-    candidates: tuple[Candidate, ...], table_w: FloatArray, place: Place, models: Models, need_m: float
-) -> FloatArray:
+def score(candidates: tuple[Candidate, ...], scene: Scene, *, squeeze: bool) -> FloatArray:
     """Traversability (N,) of candidate ways."""
+    table_w, need_m = scene.passed(squeeze=squeeze), scene.need_m(squeeze=squeeze)
     straight = np.array([np.linalg.norm(c.waypoints_w[-1] - c.waypoints_w[0]) for c in candidates])
     clear = [segment_clearance(table_w, c.waypoints_w[1:]).min(initial=c.clearance_m) for c in candidates]
     features = PathFeatures(
         spare_m=np.maximum(np.array(clear) - need_m, 0.0),
         risk=np.array([c.hill for c in candidates]),
         roughness=np.array([c.roughness for c in candidates]),
-        slope_deg=np.full(len(candidates), place.slope_deg),
+        slope_deg=np.full(len(candidates), scene.place.slope_deg),
         length_ratio=np.array([c.length_m for c in candidates]) / np.maximum(straight, 1e-6),
     )
-    return traversability(features, models.rules)
+    return traversability(features, scene.models.rules)
 
 
-def _direct(
-    memory: TerrainMemory, table_w: FloatArray, place: Place, models: Models, *, squeeze: bool, end_cost: EndCost
-) -> RowSearch:
-    return _towards(memory, table_w, place, models, np.asarray(place.goal_w), squeeze=squeeze, end_cost=end_cost)
+def _direct(scene: Scene, *, squeeze: bool, end_cost: EndCost) -> RowSearch:
+    return _towards(scene, np.asarray(scene.place.goal_w), squeeze=squeeze, end_cost=end_cost)
 
 
-def _towards(
-    memory: TerrainMemory,
-    table_w: FloatArray,
-    place: Place,
-    models: Models,
-    target_w: FloatArray,
-    *,
-    squeeze: bool,
-    end_cost: EndCost,
-) -> RowSearch:
+def _towards(scene: Scene, target_w: FloatArray, *, squeeze: bool, end_cost: EndCost) -> RowSearch:
     """Row search from the rover in the frame that points at a target."""
-    position = np.asarray(place.position_w)
-    offset = target_w - position
+    place, models = scene.place, scene.models
+    offset = target_w - place.position_w
     distance = float(np.linalg.norm(offset))
     frame = Frame2(place.position_w, float(np.arctan2(offset[1], offset[0])))
-    task = Task(
-        frame,
-        max(distance, 0.3),
-        place.heading_rad,
-        models.drive.need_m(models.footprint, squeeze=squeeze),
-        end_cost,
-        _room(memory, table_w, place, models),
-        partial(turn_prices, place),
-    )
-    table = passed_by(table_w, models.drive, squeeze=squeeze)
-    return search(table, memory.cells, task, models.drive, models.rows)
+    need_m, prices = scene.need_m(squeeze=squeeze), partial(turn_prices, place)
+    task = Task(frame, max(distance, 0.3), place.heading_rad, need_m, end_cost, scene.room_rad, prices)
+    return search(scene.passed(squeeze=squeeze), scene.memory.cells, task, models.drive, models.rows)
 
 
 def _room(memory: TerrainMemory, table_w: FloatArray, place: Place, models: Models) -> tuple[float, float]:
@@ -249,29 +243,25 @@ def _distance_to(place: Place) -> EndCost:
     return end_cost
 
 
-def _field(memory: TerrainMemory, table_w: FloatArray, place: Place, models: Models, *, squeeze: bool) -> GoalField:
-    need = models.drive.need_m(models.footprint, squeeze=squeeze)
-    position, goal = np.asarray(place.position_w), np.asarray(place.goal_w)
-    table = passed_by(table_w, models.drive, squeeze=squeeze)
-    return goal_field(table, memory.cells, position, goal, place.goal_radius_m, need, models.drive)
+def _field(scene: Scene, ground: FieldGround, *, squeeze: bool, most: float = np.inf) -> GoalField:
+    """The goal field, as far as any choice asks: ways that are longer than the least and all turns are not taken."""
+    place, need = scene.place, scene.need_m(squeeze=squeeze)
+    slack = AS_GOOD_M + SET_OUT_COST_M + float(TURN_M * turn_prices(place, np.array([-np.pi, np.pi])).max())
+    table, position, goal = scene.passed(squeeze=squeeze), np.asarray(place.position_w), np.asarray(place.goal_w)
+    bounds = slack, AS_GOOD_SHARE - 1.0, most
+    return goal_field(table, ground, position, goal, place.goal_radius_m, need, scene.models.drive, bounds)
 
 
-def _round(
-    memory: TerrainMemory,
-    table_w: FloatArray,
-    place: Place,
-    models: Models,
-    field: GoalField,
-    here: float,
-    way: FloatArray,
-    *,
-    squeeze: bool,
-) -> Choice | None:
-    """A way that ends nearer to the goal by the field: the straight one if as good, else by a sub-goal on ``way``."""
-    direct = _direct(memory, table_w, place, models, squeeze=squeeze, end_cost=field.at)
-    if direct.candidates and direct.blocked_row is None and direct.candidates[0].cost < 1.15 * here + 0.5:
+def _round(scene: Scene, out: SettingOut, *, squeeze: bool) -> Choice | None:
+    """A way that ends nearer to the goal by the field: the straight one if as good, else by a sub-goal on its way."""
+    field, here, way = out.field, out.here, out.way_w
+    if not np.isfinite(here):
+        return None
+    direct = _direct(scene, squeeze=squeeze, end_cost=field.at)
+    as_good = AS_GOOD_SHARE * here + AS_GOOD_M
+    if direct.candidates and direct.blocked_row is None and direct.candidates[0].cost < as_good:
         reason = "free rows to the goal again" if not squeeze else "a narrow way to the goal"
-        return _chosen(direct, table_w, place, models, detour=False, squeeze=squeeze, reason=reason)
+        return _chosen(direct, scene, detour=False, squeeze=squeeze, reason=reason)
     if len(way) < 2:
         return None
     arcs = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(way, axis=0), axis=1))])
@@ -279,23 +269,32 @@ def _round(
         if distance > arcs[-1] + 0.5 and distance != SUB_GOALS_M[-1]:
             continue
         sub_goal = way[min(int(np.searchsorted(arcs, distance)), len(way) - 1)]
-        found = _towards(memory, table_w, place, models, sub_goal, squeeze=squeeze, end_cost=field.at)
+        found = _towards(scene, sub_goal, squeeze=squeeze, end_cost=field.at)
         ends = field.at(np.array([c.waypoints_w[-1] for c in found.candidates])) if found.candidates else np.zeros(0)
         if found.blocked_row is None and len(ends) and ends[0] < here - 0.4 * min(distance, arcs[-1]):
             reason = "round by a side" if not squeeze else "round through a narrow gap"
-            return _chosen(found, table_w, place, models, detour=True, squeeze=squeeze, reason=reason)
+            return _chosen(found, scene, detour=True, squeeze=squeeze, reason=reason)
     return None
 
 
-def _setting_out(
-    memory: TerrainMemory, table_w: FloatArray, place: Place, models: Models, field: GoalField, *, squeeze: bool
-) -> tuple[FloatArray, float]:
-    """The field's way (N, 2) from the rover on, empty if none leads on, and its cost with its first turns.
+@dataclass(frozen=True, eq=False)
+class SettingOut:
+    """How a way round begins."""
+
+    field: GoalField
+    here: float  # cost to the goal from the rover by the field
+    way_w: FloatArray  # (N, 2) from the rover on, empty if none leads on
+    cost: float  # of it, with its first turns
+
+
+def _setting_out(scene: Scene, field: GoalField, *, squeeze: bool) -> SettingOut:
+    """The field's way from the rover on and its cost with its first turns.
 
     The field does not know where the rover looks: a way that goes on ahead may cost less than the field's own with its
     turn. So straight first stretches in all directions are compared with that one, each with the turn at its end.
     """
-    position, need = np.asarray(place.position_w), models.drive.need_m(models.footprint, squeeze=squeeze)
+    place, models, position = scene.place, scene.models, np.asarray(scene.place.position_w)
+    here, need = float(field.at(position[None])[0]), scene.need_m(squeeze=squeeze)
     own = field.way(position, max(SUB_GOALS_M))
     own_cost = np.inf
     if len(own) > 1:
@@ -305,49 +304,46 @@ def _setting_out(
     headings = place.heading_rad + np.linspace(-np.pi, np.pi, DIRECTIONS, endpoint=False)
     ends = position + SET_OUT_M * np.stack([np.cos(headings), np.sin(headings)], axis=1)
     there_and_back = np.stack([np.broadcast_to(position, ends.shape), ends], axis=1).reshape(-1, 2)
-    close = near(table_w, position, SET_OUT_M + MAX_CLEARANCE_M)
+    close = near(scene.table_w, position, SET_OUT_M + MAX_CLEARANCE_M)
     around = let_leave(passed_by(close, models.drive, squeeze=squeeze), position, need)
-    right, left = _room(memory, table_w, place, models)
     free = segment_clearance(around, there_and_back)[::2] >= need
-    free &= room_for(headings - place.heading_rad, (right, left))
+    free &= room_for(headings - place.heading_rad, scene.room_rad)
     cost = np.where(free, field.at(ends) + TURN_M * turn_prices(place, headings - place.heading_rad), np.inf)
-    for n in np.flatnonzero(cost < own_cost):
+    best, least = None, own_cost
+    for n in np.argsort(cost, kind="stable"):
+        if cost[n] >= least:  # and so are all others: a second turn only adds to it
+            break
         onward = field.way(ends[n], SET_OUT_M)
         if len(onward) > 1:
             turn = wrap_angle(float(np.arctan2(*(onward[-1] - ends[n])[::-1])) - headings[n])
-            there = replace(place, turning=turning(memory.rocks, ends[n], headings[n], models.footprint))
+            there = replace(place, turning=turning(scene.memory.rocks, ends[n], headings[n], models.footprint))
             cost[n] += TURN_M * turn_price(there, turn)
-    best = int(np.argmin(cost))
-    if cost[best] >= own_cost or not np.isfinite(cost[best]):
-        return own, own_cost
-    return np.vstack([position, field.way(ends[best], max(SUB_GOALS_M) - SET_OUT_M)]), float(cost[best])
+        if cost[n] < least:
+            best, least = int(n), float(cost[n])
+    if best is None:
+        return SettingOut(field, here, own, own_cost)
+    return SettingOut(field, here, np.vstack([position, field.way(ends[best], max(SUB_GOALS_M) - SET_OUT_M)]), least)
 
 
-def _ahead(
-    memory: TerrainMemory, table_w: FloatArray, place: Place, models: Models, field: GoalField, here: float
-) -> Choice | None:
+def _ahead(scene: Scene, out: SettingOut) -> Choice | None:
     """A short way about straight ahead, to where there is room to turn; not if it leads much farther from the goal."""
+    place, field = scene.place, out.field
     position = np.asarray(place.position_w)
     way = field.way(position, 1.0)
     wanted = np.arctan2(*(way[-1] - position)[::-1]) - place.heading_rad
-    right, left = _room(memory, table_w, place, models)
-    heading = place.heading_rad + float(np.clip((wanted + np.pi) % (2 * np.pi) - np.pi, right, left))
+    heading = place.heading_rad + float(np.clip((wanted + np.pi) % (2 * np.pi) - np.pi, *scene.room_rad))
     for distance in AHEAD_M:
         target = position + distance * np.array([np.cos(heading), np.sin(heading)])
-        found = _towards(memory, table_w, place, models, target, squeeze=True, end_cost=field.at)
-        if found.blocked_row is None and found.candidates and float(field.at(target[None])[0]) < here + 2.0:
+        found = _towards(scene, target, squeeze=True, end_cost=field.at)
+        if found.blocked_row is None and found.candidates and float(field.at(target[None])[0]) < out.here + 2.0:
             reason = "ahead to where there is room to turn"
-            return _chosen(found, table_w, place, models, detour=True, squeeze=True, reason=reason)
+            return _chosen(found, scene, detour=True, squeeze=True, reason=reason)
     return None
 
 
-def _chosen(
-    found: RowSearch, table_w: FloatArray, place: Place, models: Models, *, detour: bool, squeeze: bool, reason: str
-) -> Choice:
+def _chosen(found: RowSearch, scene: Scene, *, detour: bool, squeeze: bool, reason: str) -> Choice:
     """The candidate of highest traversability, where a metre of way counts too (step 10 of the paper's table 1)."""
-    need = models.drive.need_m(models.footprint, squeeze=squeeze)
-    table_w = passed_by(table_w, models.drive, squeeze=squeeze)
-    scores = score(found.candidates, table_w, place, models, need)
+    scores = score(found.candidates, scene, squeeze=squeeze)
     worth = WORTH_M * scores - np.array([c.cost for c in found.candidates])
     best = int(np.argmax(worth))
     return Choice(

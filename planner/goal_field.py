@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from planner.ground_cells import GroundCells, nearest_views, sample_grid
-from planner.map_kernels import cost_to_go, metre_costs
+from planner.map_kernels import UNBOUNDED, Bounds, Layer, cost_to_go, metre_costs
 from planner.obstacle_map import DriveModel, let_leave, near, obstacle_grid
 from worlds.types import FloatArray, IntArray
 
@@ -21,6 +21,8 @@ UNSEEN_COST = (0.5, 2.0)  # least and most: ground unseen is taken to be as what
 HILL_COST = 0.8
 NEAR_COST = 1.0
 ROUGH_COST = 0.4
+COUNT = round(2 * HALF_SIZE_M / STEP_M) + 1  # cells a side
+BORDER = np.argwhere(np.pad(np.zeros((COUNT - 2, COUNT - 2)), 1, constant_values=1.0))
 GAP_COST = 10.0  # of a metre through a far gap that seems too narrow by all that may be doubted
 
 
@@ -54,40 +56,63 @@ class GoalField:
         return self.origin_w + STEP_M * np.array(places, dtype=float)
 
 
+@dataclass(frozen=True, eq=False)
+class FieldGround:
+    """What the rover knows of the ground in the square around a place: the same for every berth."""
+
+    low_w: FloatArray  # (2,) of the first cell
+    unseen: Layer  # (COUNT, COUNT) 1 where nobody has seen the ground
+    roughness: Layer  # (COUNT, COUNT)
+    away_m: Layer  # (COUNT, COUNT) how far off it was seen
+
+
+def field_ground(cells: GroundCells, place_w: FloatArray) -> FieldGround:
+    """The ground around ``place_w`` (2,)."""
+    # Cells that moved along with the rover would open and close narrow gaps from look to look.
+    low = STEP_M * np.round((place_w - HALF_SIZE_M) / STEP_M)
+    frame = (float(low[0]), float(low[1]), 0.0)
+    unseen, rough = sample_grid(cells, frame, (0.0, 0.0, STEP_M, STEP_M), (COUNT, COUNT))
+    # What is doubted is judged by how near it was ever seen: a gap that proved too narrow stays so for who backs out.
+    return FieldGround(low, unseen, rough, nearest_views(cells, place_w, low, STEP_M, (COUNT, COUNT)))
+
+
 def goal_field(
     table_w: FloatArray,
-    cells: GroundCells,
+    ground: FieldGround,
     place_w: FloatArray,
     goal_w: FloatArray,
     goal_radius_m: float,
     need_m: float,
     drive: DriveModel,
+    bounds: Bounds = UNBOUNDED,
 ) -> GoalField:
-    """Field around ``place_w`` (2,) of the cost to get well inside ``goal_radius_m`` of ``goal_w`` (2,)."""
-    # Cells that moved along with the rover would open and close narrow gaps from look to look.
-    low = STEP_M * np.round((place_w - HALF_SIZE_M) / STEP_M)
-    count = round(2 * HALF_SIZE_M / STEP_M) + 1
-    high = low + STEP_M * (count - 1)
+    """Field around ``place_w`` (2,) of the cost to get well inside ``goal_radius_m`` of ``goal_w`` (2,).
+
+    ``bounds``: where the search may end, see `cost_to_go`.
+    """
+    low, shape = ground.low_w, (COUNT, COUNT)
+    high = low + STEP_M * (COUNT - 1)
     table = let_leave(near(table_w, place_w, 1.5 * HALF_SIZE_M), place_w, need_m)
-    grid = obstacle_grid(table, (low[0], high[0]), (low[1], high[1]), (count, count))
-    frame = (float(low[0]), float(low[1]), 0.0)
-    unseen, rough = sample_grid(cells, frame, (0.0, 0.0, STEP_M, STEP_M), (count, count))
+    grid = obstacle_grid(table, (low[0], high[0]), (low[1], high[1]), shape)
     prices = (HILL_COST, NEAR_COST, UNSEEN_COST, ROUGH_COST, GAP_COST)
     gaps = (*drive.doubt_range_m, drive.doubt_gap_m)
-    # What is doubted is judged by how near it was ever seen: a gap that proved too narrow stays so for who backs out.
-    away = nearest_views(cells, place_w, low, STEP_M, (count, count))
-    cost, fresh = metre_costs(grid.clearance_m, grid.hill, unseen, rough, away, need_m, drive.comfort_m, gaps, prices)
-    axis = STEP_M * np.arange(count)
-    distance = np.hypot((low[0] + axis - goal_w[0])[:, None], low[1] + axis - goal_w[1])
-    seeds = np.full((count, count), np.inf)
-    if np.any(np.abs(goal_w - place_w) > HALF_SIZE_M - STEP_M):
-        border = np.zeros((count, count), dtype=bool)
-        border[[0, -1], :] = border[:, [0, -1]] = True
-        seedable = border & np.isfinite(cost)
-        # Beyond the square the way is unknown: it is charged as unseen ground.
-        seeds[seedable] = fresh * distance[seedable]
-    else:
-        at_goal = (distance <= max(0.7 * goal_radius_m, STEP_M)) & np.isfinite(cost)
-        seeds[at_goal] = distance[at_goal]
-    field, onward = cost_to_go(cost, seeds, STEP_M)
+    layers = grid.clearance_m, grid.hill, ground.unseen, ground.roughness, ground.away_m
+    cost, fresh = metre_costs(*layers, need_m, drive.comfort_m, gaps, prices)
+    beyond = bool(np.any(np.abs(goal_w - place_w) > HALF_SIZE_M - STEP_M))
+    within_m = max(0.7 * goal_radius_m, STEP_M)
+    cells = BORDER if beyond else _cells_about((goal_w - low) / STEP_M, within_m / STEP_M)
+    cells = cells[np.isfinite(cost[cells[:, 0], cells[:, 1]])]
+    distance = np.hypot(*(low + STEP_M * cells - goal_w).T)
+    seeds = np.full(shape, np.inf)
+    # Beyond the square the way is unknown: it is charged as unseen ground.
+    seeds[cells[:, 0], cells[:, 1]] = fresh * distance if beyond else np.where(distance <= within_m, distance, np.inf)
+    here = round((place_w[0] - low[0]) / STEP_M), round((place_w[1] - low[1]) / STEP_M)
+    field, onward = cost_to_go(cost, seeds, STEP_M, here, bounds)
     return GoalField(low, field, onward)
+
+
+def _cells_about(middle: FloatArray, reach: float) -> IntArray:
+    """The cells (N, 2) of the square in a square about a place, in cells."""
+    low, high = np.floor(middle - reach).astype(int), np.ceil(middle + reach).astype(int)
+    x, y = (np.arange(max(first, 0), min(last + 1, COUNT)) for first, last in zip(low, high, strict=True))
+    return np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)

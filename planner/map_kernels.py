@@ -15,6 +15,8 @@ HILL_REACH_M = 1.0  # the kernel falls from one at a hard rock's edge to zero he
 SOFT_REACH_M = 0.5  # and here for a rock that may be driven over
 BUCKET_M = 0.05  # width of a bucket of the queue of `cost_to_go`
 BUCKETS = 2400
+Bounds = tuple[float, float, float]  # of `cost_to_go`: slack, share and most
+NOWHERE, UNBOUNDED = (-1, -1), (np.inf, 0.0, np.inf)
 
 
 @nb.njit(cache=True)
@@ -198,44 +200,70 @@ def metre_costs(
 
 
 @nb.njit(cache=True)
-def cost_to_go(cost: FloatArray, seeds: FloatArray, step: float) -> tuple[FloatArray, IntArray]:
+def cost_to_go(
+    cost: FloatArray, seeds: FloatArray, step: float, place: tuple[int, int] = NOWHERE, bounds: Bounds = UNBOUNDED
+) -> tuple[FloatArray, IntArray]:
     """Cheapest cost (nx, ny) from each cell to any seed, and the flat index of the next cell (-1 at a seed).
 
-    ``cost`` is that of a metre, inf where blocked; ``seeds`` is the cost at the seeds, inf elsewhere. Label correcting
-    over eight neighbours with a queue of buckets (Dial, CACM 12(11), 1969): a cell is taken up again when it is reached
-    at less, so the answer is that of Dijkstra's search whatever the width of a bucket.
+    ``cost`` is that of a metre, one at least, inf where blocked; ``seeds`` is the cost at the seeds, inf elsewhere.
+    Label correcting over eight neighbours with a queue of buckets (Dial, CACM 12(11), 1969): a cell is taken up again
+    when it is reached at less, so the answer is that of Dijkstra's search whatever the width of a bucket.
+
+    With a ``place`` cells are taken up by the least that a way from there through them would cost (A*), and the
+    search ends where that is more than from the place itself by a slack and a share of it, or more than a most, see
+    ``bounds``: beyond, the answer is the cost of some way or inf.
     """
+    slack, share, most = bounds
     wide = cost.shape[1] + 2
     price, best = _rimmed(cost), _rimmed(seeds)
+    ahead = _steps_from(place, cost.shape, step)
     onward, queued = np.full(price.size, -1, dtype=np.int32), np.full(price.size, -1, dtype=np.int32)
     links = np.full((price.size, 2), -1, dtype=np.int32)  # of a queued cell: the one before and after it in its bucket
     heads = np.full(BUCKETS, -1, dtype=np.int32)
     # Far goals make the least cost large: buckets begin there, as all that the last one holds is taken up in any order.
-    least = best.min()
+    least = (best + ahead).min()
     first = int(least / BUCKET_M) if np.isfinite(least) else 0
     for flat in range(price.size):
         if best[flat] < np.inf:
-            _queue(flat, best[flat], first, heads, links, queued)
+            _queue(flat, best[flat] + ahead[flat], first, heads, links, queued)
     steps = np.array([-wide - 1, -wide, -wide + 1, -1, 1, wide - 1, wide, wide + 1])
     # A diagonal step must not squeeze between two blocked corners; a straight one starts on free ground.
     beside = np.array([[-wide, -1], [0, 0], [-wide, 1], [0, 0], [0, 0], [wide, -1], [0, 0], [wide, 1]])
     length = 0.5 * step * np.where(beside[:, 0] == 0, 1.0, 1.4142135623730951)
+    goal = (place[0] + 1) * wide + place[1] + 1
+    last = _bucket(most, first)
     for bucket in range(BUCKETS):
+        if bucket > last:
+            break
         while heads[bucket] >= 0:
             flat = heads[bucket]
             _unqueue(flat, heads, links, queued)
             value, own = best[flat], min(price[flat], 9.0)
+            if flat == goal:
+                last = _bucket(min(value * (1.0 + share) + slack, most), first)
             for k in range(8):
                 to = flat + steps[k]
                 total = value + length[k] * (price[to] + own)
-                blocked = price[flat + beside[k, 0]] == np.inf or price[flat + beside[k, 1]] == np.inf
-                if blocked or total >= best[to]:
+                shut = price[flat + beside[k, 0]] == np.inf or price[flat + beside[k, 1]] == np.inf
+                if total >= best[to] or shut:
                     continue
                 best[to], onward[to] = total, flat
                 if queued[to] >= 0:
                     _unqueue(to, heads, links, queued)
-                _queue(to, total, first, heads, links, queued)
+                _queue(to, total + ahead[to], first, heads, links, queued)
     return _without_rim(best, onward, cost.shape)
+
+
+@nb.njit(cache=True)
+def _steps_from(place: tuple[int, int], shape: tuple[int, int], step: float) -> FloatArray:
+    """Length of the shortest way over eight neighbours from a place to each cell, with a rim; 0 from nowhere."""
+    ahead = np.zeros((shape[0] + 2, shape[1] + 2))
+    if place[0] >= 0:
+        for ix in range(ahead.shape[0]):
+            for iy in range(ahead.shape[1]):
+                dx, dy = abs(ix - 1 - place[0]), abs(iy - 1 - place[1])
+                ahead[ix, iy] = step * (max(dx, dy) + 0.41421356 * min(dx, dy))
+    return ahead.ravel()
 
 
 @nb.njit(cache=True)
@@ -261,8 +289,13 @@ def _without_rim(best: FloatArray, onward: IntArray, shape: tuple[int, int]) -> 
 
 
 @nb.njit(cache=True)
+def _bucket(value: float, first: int) -> int:
+    return int(min(value / BUCKET_M - first, BUCKETS - 1.0))
+
+
+@nb.njit(cache=True)
 def _queue(flat: int, value: float, first: int, heads: IntArray, links: IntArray, queued: IntArray) -> None:
-    bucket = min(int(value / BUCKET_M) - first, BUCKETS - 1)
+    bucket = _bucket(value, first)
     head = heads[bucket]
     links[flat, 0], links[flat, 1] = -1, head
     if head >= 0:

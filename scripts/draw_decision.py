@@ -16,7 +16,7 @@ from typing import Any
 import matplotlib as mpl
 import numpy as np
 
-from planner.goal_field import goal_field
+from planner.goal_field import field_ground, goal_field
 from planner.ground_cells import CELL_M, CELLS, Source
 from planner.navigator_state import NavigatorState
 from planner.obstacle_map import obstacles
@@ -103,7 +103,15 @@ def _field(axis: Any, moment: Moment) -> None:
     table = _table(moment)
     need = plan.models.drive.need_m(plan.models.footprint)
     goal = np.asarray(plan.goal_w)
-    field = goal_field(table, plan.memory.cells, moment.place_w, goal, plan.goal_radius_m, need, plan.models.drive)
+    field = goal_field(
+        table,
+        field_ground(plan.memory.cells, moment.place_w),
+        moment.place_w,
+        goal,
+        plan.goal_radius_m,
+        need,
+        plan.models.drive,
+    )
     cost = np.where(np.isfinite(field.cost_m), field.cost_m, np.nan)
     x, y = field.origin_w
     nx, ny = cost.shape

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from planner import obstacle_map as om
 from planner import row_kernels as kernels
 from planner.choice import Models, Place, choose
-from planner.goal_field import STEP_M, goal_field
+from planner.goal_field import STEP_M, GoalField, field_ground, goal_field
 from planner.ground_cells import (
     VIEW_ERROR,
     GroundCells,
@@ -147,10 +147,14 @@ def test_distance_to_a_long_rock_is_to_its_axis_less_its_half_width() -> None:
     assert grid.hill[5, 0] == pytest.approx((1 - 0.3) ** 2)
 
 
+def field_of(obstacles: FloatArray, place: FloatArray, goal: FloatArray, cells: GroundCells) -> GoalField:
+    return goal_field(obstacles, field_ground(cells, place), place, goal, 0.5, NEED, DRIVE)
+
+
 def test_the_field_leads_out_of_a_u() -> None:
     u = [(3.0, y, 0.3) for y in np.arange(-2, 2.1, 0.5)]
     u += [(x, side, 0.3) for x in np.arange(0, 3.1, 0.5) for side in (-2.0, 2.0)]
-    field = goal_field(table(*u), CELLS, np.array([1.5, 0.0]), np.array([8.0, 0.0]), 0.5, NEED, DRIVE)
+    field = field_of(table(*u), np.array([1.5, 0.0]), np.array([8.0, 0.0]), CELLS)
     way = field.way(np.array([1.5, 0.0]), 20.0)
     assert way[:, 0].min() < -0.3
     assert np.linalg.norm(way[-1] - [8.0, 0.0]) < 0.5
@@ -160,7 +164,7 @@ def test_the_field_leads_out_of_a_u() -> None:
 
 def test_the_field_of_a_walled_goal_is_infinite() -> None:
     ring = [(6 + np.cos(a), np.sin(a), 0.3) for a in np.linspace(0, 2 * np.pi, 20)]
-    field = goal_field(table(*ring), CELLS, np.zeros(2), np.array([6.0, 0.0]), 0.5, NEED, DRIVE)
+    field = field_of(table(*ring), np.zeros(2), np.array([6.0, 0.0]), CELLS)
     assert np.isinf(field.at(np.zeros((1, 2)))).all()
     assert len(field.way(np.zeros(2), 5.0)) == 0
 
@@ -169,17 +173,14 @@ def test_a_far_gap_that_seems_too_narrow_is_worth_a_look_and_a_near_one_is_not()
     # A wall with one gap, too narrow by 0.08 m on both sides, in 12 m of rocks: round it is far.
     side = NEED - 0.08 + 0.3
     wall = [(4.0, y, 0.3) for end in (-1.0, 1.0) for y in end * np.arange(side, 12.0, 0.5)]
-    far, near = (
-        goal_field(table(*wall), CELLS, np.array([x, 0.0]), np.array([8.0, 0.0]), 0.5, NEED, DRIVE) for x in (0.0, 3.0)
-    )
+    far, near = (field_of(table(*wall), np.array([x, 0.0]), np.array([8.0, 0.0]), CELLS) for x in (0.0, 3.0))
     assert np.abs(far.way(np.zeros(2), 20.0)[:, 1]).max() < 0.2
     # Unseen ground costs 1.5 a metre. Doubted by 0.08 of 0.12 m, 4 m away all of it, a metre of gap costs 6.7 more.
     assert 12.0 < far.at(np.zeros((1, 2)))[0] < 12.0 + 6.7
     assert near.at(np.array([[3.0, 0.0]]))[0] > 20.0
     closed = [*wall, (4.0, 0.0, 0.3)]
-    assert goal_field(
-        table(*closed), CELLS, np.zeros(2), np.array([8.0, 0.0]), 0.5, NEED, DRIVE
-    ).at(np.zeros((1, 2)))[0] > 20.0  # fmt: skip
+    shut = field_of(table(*closed), np.zeros(2), np.array([8.0, 0.0]), CELLS)
+    assert shut.at(np.zeros((1, 2)))[0] > 20.0
     assert DRIVE.doubt_m(np.array([0.0, 1.5, 2.5, 9.0])) == pytest.approx([0.0, 0.0, 0.06, 0.12])
 
 
@@ -193,7 +194,7 @@ def test_a_gap_that_proved_too_narrow_from_near_stays_so_for_who_backs_out() -> 
         return take_in(CELLS, View(np.array([x_m, 0.0]), (square,), plane, VIEW_ERROR, 0.0, Source.CAMERA))
 
     def cost(cells: GroundCells) -> float:
-        field = goal_field(table(*wall), cells, np.zeros(2), np.array([8.0, 0.0]), 0.5, NEED, DRIVE)
+        field = field_of(table(*wall), np.zeros(2), np.array([8.0, 0.0]), cells)
         return float(field.at(np.zeros((1, 2)))[0])
 
     assert cost(seen_from(0.5)) < 16.0
@@ -231,8 +232,7 @@ def test_ground_unseen_costs_as_much_as_what_was_seen() -> None:
 def test_cells_of_the_field_stay_where_they_are_while_the_rover_moves() -> None:
     goal = np.array([8.0, 0.0])
     here, there = (
-        goal_field(table((4.0, 0.0, 0.3)), CELLS, np.array(place), goal, 0.5, NEED, DRIVE)
-        for place in ((0.0, 0.0), (0.31, -0.17))
+        field_of(table((4.0, 0.0, 0.3)), np.array(place), goal, CELLS) for place in ((0.0, 0.0), (0.31, -0.17))
     )
     shift = (there.origin_w - here.origin_w) / STEP_M
     assert shift == pytest.approx(np.round(shift), abs=1e-6)
@@ -295,6 +295,31 @@ def test_the_field_is_that_of_dijkstra(seed: int, share: float) -> None:
     assert (onward.ravel()[np.isfinite(found).ravel() & (found.ravel() > 0)] >= 0).all()
 
 
+@settings(deadline=None, max_examples=40)
+@given(st.integers(0, 2**32 - 1), st.floats(0.0, 0.4), st.floats(0.0, 3.0), st.floats(0.0, 0.5))
+def test_a_search_for_one_place_is_right_as_far_as_it_was_asked_for(
+    seed: int, blocked: float, slack: float, share: float
+) -> None:
+    rng = np.random.default_rng(seed)
+    cost = np.where(rng.random((20, 25)) < blocked, np.inf, rng.uniform(1.0, 4.0, (20, 25)))
+    seeds = np.full(cost.shape, np.inf)
+    seeds[:, 24] = rng.uniform(0.0, 3.0, 20)
+    place, step = (9, 3), 0.5
+    cost[place] = 1.0
+    whole, _ = cost_to_go(cost, seeds, step)
+    found, onward = cost_to_go(cost, seeds, step, place, (slack, share, np.inf))
+    away = np.abs(np.indices(cost.shape) - np.array(place)[:, None, None])
+    least = whole + step * (away.max(axis=0) + (np.sqrt(2.0) - 1.0) * away.min(axis=0))
+    asked = least <= whole[place] * (1.0 + share) + slack
+    np.testing.assert_allclose(found[asked], whole[asked])
+    assert (found >= whole - 1e-9).all()
+    assert (onward[np.isfinite(found) & ~np.isfinite(seeds)] >= 0).all()
+    # A most that is less than the place's cost ends the search before it gets there.
+    if np.isfinite(whole[place]) and whole[place] > least[np.isfinite(least)].min() + 0.5:
+        early, _ = cost_to_go(cost, seeds, step, place, (slack, share, float(least[np.isfinite(least)].min())))
+        assert np.isfinite(early).sum() < np.isfinite(whole).sum()
+
+
 def relaxed(cost: FloatArray, seeds: FloatArray, step: float) -> FloatArray:
     """The same by lowering all cells until nothing changes."""
     best = np.pad(seeds, 1, constant_values=np.inf)
@@ -318,7 +343,7 @@ def test_a_goal_far_away_costs_the_field_no_more_work() -> None:
     rocks = rocks[np.hypot(*rocks.T) > 1.2]
     obstacles = table(*((x, y, 0.25) for x, y in rocks))
     fields = [
-        goal_field(obstacles, CELLS, np.zeros(2), np.array([away, 0.0]), 0.5, NEED, DRIVE)
+        field_of(obstacles, np.zeros(2), np.array([away, 0.0]), CELLS)
         for away in (60.0, 400.0)  # beyond 80 m the search once did not end within minutes
     ]
     near, far = (float(field.at(np.zeros((1, 2)))[0]) for field in fields)
