@@ -92,7 +92,8 @@ def goal_field(
     """
     low, shape = ground.low_w, (COUNT, COUNT)
     high = low + STEP_M * (COUNT - 1)
-    table = let_leave(near(table_w, place_w, 1.5 * HALF_SIZE_M), place_w, need_m)
+    # The middle of the cell that the rover stands in must be free too, or it would seem walled in.
+    table = let_leave(near(table_w, place_w, 1.5 * HALF_SIZE_M), place_w, need_m + STEP_M / np.sqrt(2.0))
     grid = obstacle_grid(table, (low[0], high[0]), (low[1], high[1]), shape)
     prices = (HILL_COST, NEAR_COST, UNSEEN_COST, ROUGH_COST, GAP_COST)
     gaps = (*drive.doubt_range_m, drive.doubt_gap_m)

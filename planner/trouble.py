@@ -10,6 +10,7 @@ from planner.choice import SLOPE_DEG, turn_onto
 from planner.monitor import tilt
 from planner.navigator_state import NavigatorState, place_of
 from planner.recovery import Manoeuvre
+from planner.room import DUG_M
 from planner.way_keeping import TURNING_RAD, rest_of
 from worlds.geometry import rotation_from_quaternion, wrap_angle
 from worlds.types import PoseEstimate
@@ -27,13 +28,16 @@ def note_trouble(state: NavigatorState, estimate: PoseEstimate, radius_m: float 
 
     If it was driving, and not turning onto its way, the place ahead is avoided from now on; only the last few such
     places are, as each may have been soft ground or a bend, and together they would wall the rover in. Where it was
-    turning on the spot turns are dear from now on: its wheels stand in the pits that they dug. A rover that
-    was getting on, on a slope and upright, goes on: up steep sand wheels slip by 40 % all the way.
+    turning on the spot turns are dear from now on: its wheels stand in the pits that they dug; where that happened
+    before, the place is avoided too, as ways that lead to it turn there again. A rover that was getting on, on a slope
+    and upright, goes on: up steep sand wheels slip by 40 % all the way.
     """
     if _gets_on(state, estimate):
         return replace(state, way=None)
     avoid, dug, here = state.avoid_w, state.dug_w, estimate.pose.position_w[:2]
     if _turning(state, estimate):
+        if (np.hypot(*(dug - here).T) < DUG_M).any():
+            avoid = np.vstack([avoid, [*here, radius_m]])[-MOST_AVOIDED:]
         dug = np.vstack([dug, here])[-MOST_DUG:]
     elif state.manoeuvre is None:
         forward = rotation_from_quaternion(estimate.pose.quaternion_w)[:2, 0]

@@ -169,6 +169,16 @@ def test_the_field_of_a_walled_goal_is_infinite() -> None:
     assert len(field.way(np.zeros(2), 5.0)) == 0
 
 
+@pytest.mark.parametrize("bearing_deg", range(0, 360, 30))
+def test_a_rover_in_the_berth_of_a_rock_is_not_walled_in_by_the_cells(bearing_deg: float) -> None:
+    place = np.array([0.07, 0.07])  # as far as can be from the middle of a cell
+    away = NEED - 0.05 + 0.3
+    rock = place + away * np.array([np.cos(np.deg2rad(bearing_deg)), np.sin(np.deg2rad(bearing_deg))])
+    field = field_of(table((*rock, 0.3)), place, np.array([8.0, 0.0]), CELLS)
+    assert field.at(place[None])[0] < 20.0
+    assert len(field.way(place, 1.0)) > 1
+
+
 def test_a_far_gap_that_seems_too_narrow_is_worth_a_look_and_a_near_one_is_not() -> None:
     # A wall with one gap, too narrow by 0.08 m on both sides, in 12 m of rocks: round it is far.
     side = NEED - 0.08 + 0.3

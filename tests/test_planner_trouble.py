@@ -120,6 +120,16 @@ def test_where_a_turn_was_in_vain_turns_are_dear_and_nothing_ahead_is_to_blame()
         np.testing.assert_allclose(turn_prices(place_of(stuck, pose_at(x_m, 0.0, 0.0)), turns), price)
 
 
+@pytest.mark.parametrize(("apart_m", "avoided"), [(0.3, 1), (0.6, 0)])
+def test_a_place_where_turns_were_in_vain_twice_is_avoided(apart_m: float, avoided: int) -> None:
+    state = navigator.begin((-10.0, 0.0), 0.5, FOOTPRINT, (0.0, 0.0))
+    state, _ = navigator.step(state, look(DiscWorld.of([]), np.zeros(3), 0.0, None), pose_at(0.0, 0.0, 0.0), 0.0)
+    once = trouble.note_trouble(state, pose_at(0.0, 0.0, 0.3))
+    twice = trouble.note_trouble(replace(once, way=state.way), pose_at(apart_m, 0.0, 0.3))
+    assert len(once.avoid_w) == 0
+    np.testing.assert_allclose(twice.avoid_w, [[apart_m, 0.0, 0.35]][:avoided] if avoided else np.zeros((0, 3)))
+
+
 def test_backing_out_that_did_nothing_is_not_tried_again() -> None:
     state = navigator.begin((10.0, 0.0), 0.5, FOOTPRINT, (0.0, 0.0))
     for n in range(21):
