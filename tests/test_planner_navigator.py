@@ -7,9 +7,6 @@ import pytest
 
 from planner import navigator, trouble
 from planner.choice import Choice
-from planner.navigator_state import place_of
-from planner.recovery import LEAST_LOOK_RAD, MOST_MET
-from planner.terrain_map import rock_at
 from tests.planner_factory import FOOTPRINT, DiscWorld, look, pose_at, rock_field, traverse
 
 WALL = [(6.0, float(y), 0.3) for y in np.arange(-7, 7.1, 0.5)]
@@ -127,23 +124,6 @@ def test_a_way_that_leads_on_is_kept_where_the_search_finds_none(monkeypatch: py
     rock = look(DiscWorld.of([(1.5, 0.0, 0.3)]), np.zeros(3), 0.5, None)
     assert navigator.step(state, rock, pose_at(0.05, 0, 0), 0.5)[1].kind != "drive"
     assert navigator.step(state, None, pose_at(0.05, 0, 1.0), 0.5)[1].kind != "drive"
-
-
-def test_nothing_is_given_up_before_anything_was_tried(monkeypatch: pytest.MonkeyPatch) -> None:
-    # Rocks lean against its four wheels: every look turns over them, so that there is no easy one.
-    state = navigator.begin((10.0, 0.0), 0.5, FOOTPRINT, (0.0, 0.0))
-    none = Choice(None, 0.0, (), (), detour=True, squeeze=True, enclosed=True, reason="no row is free")
-    monkeypatch.setattr(navigator, "choose", lambda *_args, **_named: none)
-    at_wheels = tuple(rock_at((x, y, 0.0), 0.1, 0.07) for x in (-0.26, 0.26) for y in (-0.4, 0.4))
-    seen = replace(look(DiscWorld.of([]), np.zeros(3), 0.0, None), rocks=at_wheels)
-    state, decision = navigator.step(state, seen, pose_at(0, 0, 0), 0.0)
-    assert max(np.abs(place_of(state, pose_at(0, 0, 0)).turning.reach(MOST_MET))) < LEAST_LOOK_RAD
-    kinds = [str(decision.kind)]
-    while kinds[-1] != "no_path" and len(kinds) < 40:
-        state, decision = navigator.step(state, seen, pose_at(0, 0, 0), 20.0 * len(kinds))
-        kinds.append(decision.kind)
-    assert kinds[0] == "look"
-    assert kinds[-1] == "no_path"
 
 
 def test_a_way_is_left_by_a_rover_that_strays_towards_a_rock() -> None:
