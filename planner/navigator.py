@@ -271,10 +271,8 @@ def _recover(
     manoeuvre, ladder = next_manoeuvre(
         state.ladder, state.memory, table, state.track_w, place, state.models.footprint, time_s
     )
-    nothing_done = state.ladder.rung == 0  # a rover with no way and no room has looked at nothing yet
     state = replace(state, way=None, ladder=ladder, detour=True, manoeuvre=manoeuvre)
-    again = choice is not None and not ladder.bold and (nothing_done or not choice.enclosed)
-    if manoeuvre is None and again:
+    if manoeuvre is None and choice is not None and not choice.enclosed and not ladder.bold:
         state = replace(state, ladder=replace(ladder, rung=0, bold=True))
         return _decide(state, replace(place, bold=True), time_s)
     if manoeuvre is None:
