@@ -8,7 +8,7 @@ from typing import Literal
 
 import numpy as np
 
-from planner.choice import Place
+from planner.choice import SLOPE_DEG, Place
 from planner.ground_cells import GroundCells
 from planner.obstacle_map import let_leave, near, segment_clearance
 from planner.room import GAP_M, turn_range, turning
@@ -17,6 +17,7 @@ from planner.track import way_back
 from worlds.geometry import wrap_angle
 from worlds.types import FloatArray, Footprint
 
+Moves = tuple[tuple[float, tuple[Literal["back_up", "drive"], float]], ...]  # metres, and which way
 # Degrees from the heading at which the rover got stuck, or metres to the rear.
 RUNGS: tuple[tuple[Literal["look", "back_up"], float], ...] = (
     ("look", 55.0),
@@ -36,7 +37,10 @@ ROOM_TO_TURN_RAD = float(np.deg2rad(70.0))
 MOST_MET = 1.2  # heights of rocks that wheels meet in a look to a side, in climb heights
 LEAST_LOOK_RAD = float(np.deg2rad(20.0))
 LEAST_BACK_M = 0.25
-NUDGES_M = (1.2, 0.5, 0.25, 0.12)  # the longest that there is room for; out of all pits, if it can be
+# The longest that there is room for, to the rear if it can be: out of all pits.
+NUDGES: Moves = tuple(product((1.2, 0.5, 0.25, 0.12), (("back_up", -1.0), ("drive", 1.0))))
+STRAIGHT_BACK: Moves = ((0.8, ("back_up", -1.0)),)
+SLID_RAD = float(np.deg2rad(15.0))  # off its track: on a slope a held rover slides round, and turning back digs
 IN_VAIN_M = 0.1  # as near to the last place of trouble, backing out did nothing
 MOST_TURN_RAD = float(np.deg2rad(35.0))  # with which backing out of trouble may begin
 FARTHER_M = 1.5  # beyond what was asked, to where there is room to turn
@@ -100,7 +104,9 @@ def next_manoeuvre(
         away = _back(0.8, "back out of trouble", memory, table_w, track, place, footprint, time_s)
         if in_vain or away is None or not _easy(_turn_to_back(away, place), place):
             # What did nothing once would do nothing again: without room for a nudge the ladder goes on.
-            away = _nudge(table_w, place, footprint, time_s) or (None if in_vain else away)
+            away = _straight(NUDGES, table_w, place, footprint, time_s) or (None if in_vain else away)
+        elif place.slope_deg > SLOPE_DEG and abs(_turn_to_back(away, place)) > SLID_RAD:
+            away = _straight(STRAIGHT_BACK, table_w, place, footprint, time_s) or away
         if away is not None:
             return away, ladder
     while ladder.rung < len(RUNGS):
@@ -168,19 +174,18 @@ def _turn_to_back(backing: Manoeuvre, place: Place) -> float:
     return wrap_angle(float(np.arctan2(leg[1], leg[0])) - place.heading_rad)
 
 
-def _nudge(table_w: FloatArray, place: Place, footprint: Footprint, time_s: float) -> Manoeuvre | None:
-    """A short straight move to the rear or ahead, out of the pits that wheels dig while they turn in vain."""
+def _straight(moves: Moves, table_w: FloatArray, place: Place, footprint: Footprint, time_s: float) -> Manoeuvre | None:
+    """The first of ``moves``, short and straight, that there is room for: no turn digs the wheels in deeper."""
     position = np.asarray(place.position_w)
     ahead = np.array([np.cos(place.heading_rad), np.sin(place.heading_rad)])
     need = footprint.width_m / 2 + GAP_M
     reach = footprint.length_m / 2 - float(np.sqrt(need**2 - (footprint.width_m / 2) ** 2))  # the corners touch its rim
     free = let_leave(near(table_w, position, 2.0), position, need)
-    kinds: tuple[tuple[Literal["back_up", "drive"], float], ...] = (("back_up", -1.0), ("drive", 1.0))
-    for distance, (kind, sign) in product(NUDGES_M, kinds):
+    for distance, (kind, sign) in moves:
         end = position + sign * distance * ahead
         tip = end + sign * reach * ahead
         if segment_clearance(free, np.stack([position, tip])).min() >= need:
-            return Manoeuvre(kind, "straight out of a turn", place.position_w, time_s, way_w=np.stack([position, end]))
+            return Manoeuvre(kind, "straight, no turn", place.position_w, time_s, way_w=np.stack([position, end]))
     return None
 
 

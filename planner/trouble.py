@@ -19,8 +19,10 @@ TURNED_RAD, STANDS_M = float(np.deg2rad(8.0)), 0.1  # a turn goes on until so li
 MOST_AVOIDED = 3  # places of trouble
 MOST_DUG = 8  # places where turns were in vain
 LATELY_S = 1.5  # of looks, over which ...
-GETS_ON_M_S = 0.17  # ... a rover so quick was not stopped by the place
+GETS_ON_M_S = 0.115, 0.17  # ... a rover so quick was not stopped by the place; by a bank
 UPRIGHT_RAD = float(np.deg2rad(25.0))
+BANK_RAD = float(np.deg2rad(19.0))  # nose up on soft ground, at which wheels hardly get on
+BANK_M = 0.8  # to either side of it, as far as banks mostly reach
 
 
 def note_trouble(state: NavigatorState, estimate: PoseEstimate, radius_m: float = 0.35) -> NavigatorState:
@@ -42,7 +44,7 @@ def note_trouble(state: NavigatorState, estimate: PoseEstimate, radius_m: float 
     elif state.manoeuvre is None:
         forward = rotation_from_quaternion(estimate.pose.quaternion_w)[:2, 0]
         ahead = here + (state.models.footprint.length_m / 2 + radius_m) * forward
-        avoid = np.vstack([avoid, [*ahead, radius_m]])[-MOST_AVOIDED:]
+        avoid = np.vstack([avoid, [*ahead, BANK_M if _on_bank(estimate) else radius_m]])[-MOST_AVOIDED:]
     return replace(
         state, avoid_w=avoid, dug_w=dug, way=None, ladder=replace(state.ladder, back_first=True), manoeuvre=None
     )
@@ -56,7 +58,7 @@ def _gets_on(state: NavigatorState, estimate: PoseEstimate) -> bool:
         return False
     then_s, *before = state.lately[0]
     moved_m, since_s = float(np.hypot(*(estimate.pose.position_w[:2] - before))), estimate.time_s - then_s
-    return since_s > 0.5 * LATELY_S and moved_m > GETS_ON_M_S * since_s
+    return since_s > 0.5 * LATELY_S and moved_m > GETS_ON_M_S[_on_bank(estimate)] * since_s
 
 
 def _turning(state: NavigatorState, estimate: PoseEstimate) -> bool:
@@ -68,5 +70,12 @@ def _turning(state: NavigatorState, estimate: PoseEstimate) -> bool:
     off = turn_onto(rest_of(way_w, here), place_of(state, estimate))
     if doing.kind == "back_up":
         off = wrap_angle(off + np.pi)
-    stands = bool(state.lately) and float(np.hypot(*(here - state.lately[0][1:]))) < STANDS_M
+    # On a bank wheels stand for its steepness, however the rover slid round meanwhile.
+    held = bool(state.lately) and float(np.hypot(*(here - state.lately[0][1:]))) < STANDS_M
+    stands = held and not _on_bank(estimate)
     return abs(off) > (TURNED_RAD if stands else TURNING_RAD)
+
+
+def _on_bank(estimate: PoseEstimate) -> bool:
+    """Whether the rover stands nose up on ground that is too steep for it."""
+    return bool(rotation_from_quaternion(estimate.pose.quaternion_w)[2, 0] > np.sin(BANK_RAD))

@@ -19,7 +19,7 @@ from planner.terrain_map import STEREO_MEMORY, empty_memory, remember, rock_at
 from planner.track import NO_TRACK, STEP_M, note, way_back
 from tests.planner_factory import FOOTPRINT, DiscWorld, look, pose_at
 from worlds.geometry import quaternion_from_euler
-from worlds.types import FloatArray, Observation, PerceivedRock, Pose
+from worlds.types import FloatArray, Observation, PerceivedRock, Pose, PoseEstimate
 
 CLIMB_M = 0.10
 
@@ -130,6 +130,16 @@ def test_a_place_where_turns_were_in_vain_twice_is_avoided(apart_m: float, avoid
     np.testing.assert_allclose(twice.avoid_w, [[apart_m, 0.0, 0.35]][:avoided] if avoided else np.zeros((0, 3)))
 
 
+@pytest.mark.parametrize(("nose_up_rad", "avoided"), [(0.0, 0), (0.4, 1)])
+def test_a_rover_held_askew_on_a_bank_was_not_turning(nose_up_rad: float, avoided: int) -> None:
+    state = navigator.begin((10.0, 0.0), 0.5, FOOTPRINT, (0.0, 0.0))
+    for n in range(4):
+        state, _ = navigator.step(state, look(DiscWorld.of([]), np.zeros(3), 0.5 * n, None), pose_at(0, 0, 0), 0.5 * n)
+    askew = Pose(np.array([0.0, 0.0, 0.165]), quaternion_from_euler(0.0, -nose_up_rad, 0.3))
+    held = trouble.note_trouble(state, replace(pose_at(0.0, 0.0, 0.3, 1.6), pose=askew))
+    assert (len(held.avoid_w), len(held.dug_w)) == (avoided, 1 - avoided)
+
+
 def test_backing_out_that_did_nothing_is_not_tried_again() -> None:
     state = navigator.begin((10.0, 0.0), 0.5, FOOTPRINT, (0.0, 0.0))
     for n in range(21):
@@ -141,6 +151,23 @@ def test_backing_out_that_did_nothing_is_not_tried_again() -> None:
     assert (first.kind, second.kind) == ("back_up", "back_up")
     np.testing.assert_allclose(first.waypoints_w[-1, 1], 0.0, atol=0.05)  # along the way in
     np.testing.assert_allclose(second.waypoints_w[-1], [2.0 - 1.2 * np.cos(0.5), -1.2 * np.sin(0.5)], atol=1e-9)
+
+
+@pytest.mark.parametrize(("slope_rad", "straight"), [(0.0, False), (0.2, True)])
+def test_on_a_slope_a_rover_that_slid_round_backs_straight_down(slope_rad: float, *, straight: bool) -> None:
+    def leaning(x: float, yaw: float, time_s: float) -> PoseEstimate:
+        pose = Pose(np.array([x, 0.0, 0.165]), quaternion_from_euler(0.0, -slope_rad, yaw))
+        return replace(pose_at(x, 0.0, yaw, time_s), pose=pose)
+
+    state = navigator.begin((10.0, 0.0), 0.5, FOOTPRINT, (0.0, 0.0))
+    for n in range(21):
+        seen = look(DiscWorld.of([]), np.array((0.1 * n, 0.0, 0.0)), n, None)
+        state, _ = navigator.step(state, seen, leaning(0.1 * n, 0.0, n), n)
+    slid = leaning(2.0, 0.5, 20.5)
+    _, decision = navigator.step(trouble.note_trouble(state, slid), None, slid, 20.5)
+    assert decision.kind == "back_up"
+    end = [2.0 - 0.8 * np.cos(0.5), -0.8 * np.sin(0.5)] if straight else [decision.waypoints_w[-1, 0], 0.0]
+    np.testing.assert_allclose(decision.waypoints_w[-1], end, atol=0.05)
 
 
 def test_without_room_for_a_nudge_the_ladder_goes_on() -> None:
@@ -180,7 +207,7 @@ def test_only_the_last_places_of_trouble_are_avoided_and_none_for_a_manoeuvre() 
 
 @pytest.mark.parametrize(
     ("speed_m_s", "slope_rad", "tilt_rad", "goes_on"),
-    [(0.25, 0.2, 0.2, True), (0.1, 0.2, 0.2, False), (0.25, 0.2, 0.6, False), (0.25, 0.0, 0.0, False)],
+    [(0.16, 0.2, 0.2, True), (0.1, 0.2, 0.2, False), (0.25, 0.2, 0.6, False), (0.25, 0.0, 0.0, False)],
 )
 def test_a_stop_of_a_rover_that_gets_on_up_a_slope_is_no_trouble(
     speed_m_s: float, slope_rad: float, tilt_rad: float, *, goes_on: bool
