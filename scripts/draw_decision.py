@@ -1,6 +1,6 @@
 """Draws docs/images/decision.png: one decision of a real run, from the picture to the way that is driven.
 
-    uv run python scripts/draw_decision.py [OUT.png] [--cfa 0.1] [--seed 3004] [--least-ways 2]
+    uv run python scripts/draw_decision.py [OUT.png] [--cfa 0.1] [--seed 3008] [--least-ways 2]
 
 The run is one of `rover-sim trials nav` on flat mars_sand. Drawn is the first decision after some seconds that made a
 new way round something and had so many ways to choose from.
@@ -181,7 +181,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="One decision of a real run.")
     parser.add_argument("out", type=Path, nargs="?", default=OUT)
     parser.add_argument("--cfa", type=float, default=0.1, help="share of the ground under rocks")
-    parser.add_argument("--seed", type=int, default=3004)
+    parser.add_argument("--seed", type=int, default=3008)
     parser.add_argument("--least-ways", type=int, default=2)
     options = parser.parse_args()
     draw(find_moment(options.cfa, options.seed, options.least_ways), options.out)
