@@ -23,7 +23,7 @@ from rover_sim.trials.drive import lost, trial_figures, violations
 from rover_sim.trials.oracle import oracle_length_m
 from rover_sim.trials.statistics import figures, wilson
 from rover_sim.trials.store import NAME, open_store
-from rover_sim.trials.suites import NAV, NAV_SENSORS, trials_of
+from rover_sim.trials.suites import EYES, NAV, trials_of
 from rover_sim.trials.trial import Row, Trial
 from tests.data import data_path
 from worlds.build import build_world
@@ -204,9 +204,7 @@ def test_nav_cells_and_keys_are_unique_and_slopes_turn_with_the_seed() -> None:
 
 
 def test_nav_drives_with_the_stereo_pair_where_asked() -> None:
-    trials = trials_of(
-        "nav", {"cfa": (0.05,), "soil": ("firm",), "slope_deg": (0.0,), "sensors": NAV_SENSORS}, [0], None
-    )
+    trials = trials_of("nav", {"cfa": (0.05,), "soil": ("firm",), "slope_deg": (0.0,), "sensors": EYES}, [0], None)
     assert [trial.key.split("/")[-2] for trial in trials] == ["soil=firm", "sensors=stereo"]
     assert [trial.scenario.sensors.stereo for trial in trials] == [False, True]
 

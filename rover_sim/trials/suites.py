@@ -24,7 +24,7 @@ NAV: Choices = {
     "soil": ("firm", "mars_sand", "loose_sand"),
     "sensors": ("camera",),
 }
-NAV_SENSORS = ("camera", "stereo")  # the first is the usual one
+EYES = ("camera", "stereo")  # of the suites nav and route; the first is the usual one
 SENSORS = ("laser", "camera")
 SUITES = ("nav", "obstacle-course", "route")
 _GOLDEN_DEG = 180.0 * (3.0 - math.sqrt(5.0))  # successive seeds climb in directions spread evenly
@@ -69,13 +69,11 @@ def _nav(choices: Choices, seeds: Sequence[int]) -> list[Trial]:
 
 def _told(cell: Mapping[str, Value]) -> dict[str, Value]:
     """The cell without the usual sensors, so that keys of tables from before there was a choice still hold."""
-    return {name: value for name, value in cell.items() if (name, value) != ("sensors", NAV_SENSORS[0])}
+    return {name: value for name, value in cell.items() if (name, value) != ("sensors", EYES[0])}
 
 
 def _nav_scenario(base: Scenario, cell: Mapping[str, Value], seed: int) -> Scenario:
     """The rock field of one cell; with the seed the slope turns, so that a cell has all of up, down and across."""
-    if cell["sensors"] not in NAV_SENSORS:
-        raise InputError(f"--cells sensors={cell['sensors']}: allowed are {' and '.join(NAV_SENSORS)}")
     azimuth = (seed * _GOLDEN_DEG) % 360.0
     terrain = msgspec.structs.replace(
         base.terrain, slope_deg=float(cell["slope_deg"]), slope_azimuth_deg=round(azimuth, 3)
@@ -86,21 +84,33 @@ def _nav_scenario(base: Scenario, cell: Mapping[str, Value], seed: int) -> Scena
         terrain=terrain,
         rocks=msgspec.structs.replace(base.rocks, cfa=float(cell["cfa"])),
         soil=SoilChoice(preset=str(cell["soil"])),
-        sensors=msgspec.structs.replace(base.sensors, stereo=cell["sensors"] == "stereo"),
     )
+    return _with_eyes(scenario, cell)
+
+
+def _with_eyes(scenario: Scenario, cell: Mapping[str, Value]) -> Scenario:
+    """The scenario with the cell's eyes, one or two."""
+    if cell["sensors"] not in EYES:
+        raise InputError(f"--cells sensors={cell['sensors']}: allowed are {' and '.join(EYES)}")
+    sensors = msgspec.structs.replace(scenario.sensors, stereo=cell["sensors"] == "stereo")
+    scenario = msgspec.structs.replace(scenario, sensors=sensors)
     check_scenario(scenario, "--cells")
     return scenario
 
 
 def _route(chosen: Choices, seeds: Sequence[int], worlds: Path | None) -> list[Trial]:
     """Synthetic ground by default; with a folder of worlds the real map, unless ``ground`` is chosen."""
-    real: Choices = {"ground": (YARD,), "distance_m": (2.0 * YARD_REACH_M,)}
-    synthetic: Choices = {"ground": GROUNDS, "distance_m": DISTANCES_M}
+    real: Choices = {"ground": (YARD,), "distance_m": (2.0 * YARD_REACH_M,), "sensors": EYES[:1]}
+    synthetic: Choices = {"ground": GROUNDS, "distance_m": DISTANCES_M, "sensors": EYES[:1]}
     choices = _choices("route", synthetic if worlds is None else real, chosen)
     grid = [dict(zip(choices, values, strict=True)) for values in product(*choices.values())]
     # Dunes run along y, so that what is there to cross is asked for in every direction.
     turns = {seed: math.radians((seed * _GOLDEN_DEG) % 360.0) for seed in seeds}
-    return [Trial("route", cell, seed, route_scenario(cell, turns[seed], worlds)) for cell in grid for seed in seeds]
+    return [
+        Trial("route", _told(cell), seed, _with_eyes(route_scenario(cell, turns[seed], worlds), cell))
+        for cell in grid
+        for seed in seeds
+    ]
 
 
 def _course(choices: Choices, maps: CourseMaps, seeds: Sequence[int]) -> list[Trial]:
