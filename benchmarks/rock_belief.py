@@ -7,7 +7,8 @@ quarter of a metre; what perception sees in it is remembered as in a run. Its po
 in is the plane through 4 m around. Every metre each rock that is too tall for the belly, lies within 4 m and was seen
 (20 pixels in some picture) is compared with the hard obstacles of the planner, without their berths: the share of its
 outline that none covers, and how far it sticks out of them. Believed ground is what hard obstacles cover within 4 m;
-it is false where there is no rock of 7 cm within 3 cm. Seeds from 700 on are never looked at while anything is tuned.
+it is false where there is no rock of 7 cm within 3 cm. Heights of seen rocks are compared with those of the remembered
+ones in their place. Seeds from 700 on are never looked at while anything is tuned.
 """
 
 from __future__ import annotations
@@ -15,14 +16,15 @@ from __future__ import annotations
 import argparse
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 
 import cv2
 import numpy as np
 
 from perception.knowledge_base import load_knowledge
 from perception.pipeline import perceive
-from planner.obstacle_map import DriveModel, distance_to, obstacles
-from planner.terrain_map import RockMemory, empty_memory, remember_rocks
+from planner.obstacle_map import STEREO_DRIVE, DriveModel, belly_meets, distance_to, obstacles, too_high
+from planner.terrain_map import STEREO_MEMORY, RockMemory, empty_memory, remember_rocks
 from rover_sim.learning.rendered_views import body_pose, plane_around
 from rover_sim.sim.renderer import add_noise, make_renderer
 from rover_sim.sim.rover import load_rover
@@ -41,6 +43,10 @@ CELL_M, FALSE_BELOW_M, NEAR_ROCK_M = 0.05, 0.07, 0.03
 RANGES_M = ((0.0, 1.5), (1.5, 2.5), (2.5, 4.0))
 KINDS = ("round", "aspect 1.3 to 1.75", "aspect 1.75 to 2.2", "two lobes")
 TWO_LOBES = (6, 8)  # formations
+NEAR_M = (0.0, 0.9, 1.4, 2.0, 3.5)
+COMPARED_M = (0.08, 0.13)  # true heights around what the belly clears
+HEIGHTS_M = (0.06, 0.08, 0.09, 0.10, 0.107, 0.115, 0.13, 0.20)
+IN_PLACE = 0.3  # of a rock's mean diameter
 BARE = replace(DriveModel(), sd_share=0.0)  # obstacles without berth
 
 
@@ -50,6 +56,7 @@ class Score:
 
     rocks: list[tuple[float, ...]] = field(default_factory=list)  # kind, range, share not covered, m sticking out
     believed: list[tuple[float, ...]] = field(default_factory=list)  # range, m^2 believed, false
+    heights: list[tuple[float, ...]] = field(default_factory=list)  # range, true, believed, 1 if hard
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +86,7 @@ def carried(world: World, way_w: FloatArray, *, stereo: bool = False) -> Iterato
             frame = replace(frame, right=add_noise(beside, Camera().noise, rng), baseline_m=STEREO_BASELINE_M)
         observation = perceive(frame, knowledge).observation
         assert observation is not None
-        rocks = remember_rocks(rocks, observation, place)
+        rocks = remember_rocks(rocks, observation, place, STEREO_MEMORY if stereo else None)
         shown = np.bincount(picture.ids[picture.ids > 0], minlength=int(world.rocks.ids.max(initial=0)) + 1)
         seen = seen | (shown[world.rocks.ids] >= SEEN_PX)
         yield Moment(place, rocks, seen)
@@ -93,8 +100,9 @@ def _places(way_w: FloatArray) -> Iterator[tuple[FloatArray, float]]:
         yield here, float(np.arctan2(*(ahead - here)[::-1]))
 
 
-def add(score: Score, world: World, moment: Moment, body: Footprint) -> None:
+def add(score: Score, world: World, moment: Moment, body: Footprint, model: DriveModel) -> None:
     """Count one moment."""
+    add_heights(score, world, moment, body, model)
     table = obstacles(moment.rocks, BARE, body.climb_height_m, place_w=moment.place_w)
     hard = table[table[:, 6] > 0.5]
     true = world.rocks
@@ -118,6 +126,23 @@ def add(score: Score, world: World, moment: Moment, body: Footprint) -> None:
     for low, high in RANGES_M:
         inside = (range_m >= low) & (range_m < high)
         score.believed.append((low, CELL_M**2 * inside.sum(), CELL_M**2 * (false & inside).sum()))
+
+
+def add_heights(score: Score, world: World, moment: Moment, body: Footprint, model: DriveModel) -> None:
+    """Compare the heights of rocks that are remembered where they are."""
+    rocks, true = moment.rocks, world.rocks
+    if not len(rocks):
+        return
+    high = too_high(rocks, belly_meets(rocks, model, body.climb_height_m), model)
+    away = np.hypot(*(true.position_w[:, :2] - moment.place_w).T)
+    low, top = HEIGHTS_M[0], HEIGHTS_M[-1]
+    within = (true.extents_m[:, 2] > low) & (true.extents_m[:, 2] < top) & (away < NEAR_M[-1])
+    for row in np.flatnonzero(within & moment.seen):
+        apart = np.hypot(*(rocks.centre_w - true.position_w[row, :2]).T)
+        nearest = int(apart.argmin())
+        if apart[nearest] < IN_PLACE * np.sqrt(np.prod(true.extents_m[row, :2])):
+            found = float(rocks.height_m[nearest]), float(high[nearest])
+            score.heights.append((float(away[row]), float(true.extents_m[row, 2]), *found))
 
 
 def _kind(world: World, row: int) -> int:
@@ -176,6 +201,25 @@ def report(score: Score) -> list[str]:
     for low, high in RANGES_M:
         area, false = believed[believed[:, 0] == low, 1:].sum(axis=0)
         lines.append(f"believed {low:.1f}-{high:.1f} m: {area:.1f} m2, false {100 * false / max(area, 1e-9):.1f} %")
+    return [*lines, *_height_lines(np.array(score.heights))]
+
+
+def _height_lines(heights: FloatArray) -> list[str]:
+    """Believed over true height, and how many rocks of each height are believed too high, by range."""
+    lines = []
+    for near, far in pairwise(NEAR_M):
+        away, true, believed, high = heights[(heights[:, 0] >= near) & (heights[:, 0] < far)].T
+        share = (believed / true)[(true > COMPARED_M[0]) & (true < COMPARED_M[1])]
+        few, middle, many = np.quantile(share, (0.05, 0.5, 0.95)) if len(share) else (np.nan,) * 3
+        held = " ".join(
+            f"{100 * low:.1f}:{high[(true >= low) & (true < top)].mean():.2f}"
+            for low, top in pairwise(HEIGHTS_M)
+            if ((true >= low) & (true < top)).any()
+        )
+        lines.append(
+            f"heights {near:.1f}-{far:.1f} m: {middle:.3f} of the true ones (5 % {few:.2f}, 95 % {many:.2f}, "
+            f"n {len(away)}); too high, by true cm: {held}"
+        )
     return lines
 
 
@@ -187,15 +231,16 @@ def main() -> None:
     parser.add_argument("--sensors", choices=("camera", "stereo"), default="camera")
     options = parser.parse_args()
     cell: Choices = {"cfa": (options.cfa,), "slope_deg": (0.0,), "soil": ("mars_sand",)}
-    score, body = Score(), load_rover("husky").footprint()
+    stereo = options.sensors == "stereo"
+    score, body, model = Score(), load_rover("husky").footprint(), STEREO_DRIVE if stereo else DriveModel()
     for trial in trials_of("nav", cell, range(*options.seeds), None):
         world = build_world(trial.scenario, trial.seed)
         way = oracle_way(world, body)
         if way is None:
             continue
-        for number, moment in enumerate(carried(world, way, stereo=options.sensors == "stereo")):
+        for number, moment in enumerate(carried(world, way, stereo=stereo)):
             if number % SCORED_EACH == 0:
-                add(score, world, moment, body)
+                add(score, world, moment, body, model)
     print("\n".join(report(score)))
 
 

@@ -18,6 +18,7 @@ from worlds.geometry import rotation_from_quaternion
 from worlds.types import BoolArray, FloatArray, IntArray, PerceivedRock
 
 LEAST_M = 0.1
+FACE_M, _FACE_REACH_M = 0.02, 3.0  # of what continues a rock, and how far off its depths tell
 _SIGMAS = 2.0
 _BROAD_PX, _FINE_PX, _LEAST_GROUND_PX = (91, 25), (61, 17), 60
 _UNEVEN_M = 0.06  # that ground may differ within the broad window
@@ -28,17 +29,37 @@ _NEAR_QUANTILE, _TOP_QUANTILE = 0.25, 0.98
 _CERTAINTY = (0.5, 0.95)  # just above the least height, and from another sigma on
 
 
+def filled_out(labels: IntArray, depth_m: FloatArray, hidden: BoolArray, eyes: StereoView) -> IntArray:
+    """The labels (H, W) of rocks, and further ones of what stands out by depth beside them: faces that look like soil.
+
+    A rock's face in the sun may have the colour of the sand. Which rock it belongs to is left open.
+    """
+    height, sd, rocks = _over_ground(depth_m, labels, hidden, eyes)
+    stands = np.isfinite(height) & ~hidden & (height > FACE_M + sd) & (depth_m < _FACE_REACH_M)
+    faces = find_blobs(np.asarray(stands & (labels == 0)), _LEAST_PX)
+    near = np.bincount(faces.labels[rocks], minlength=len(faces) + 1)[1:] > 0
+    faces = select(faces, near)
+    return np.where(faces.labels > 0, faces.labels + labels.max(), labels).astype(np.int32)
+
+
+def _over_ground(
+    depth_m: FloatArray, labels: IntArray, hidden: BoolArray, eyes: StereoView
+) -> tuple[FloatArray, FloatArray, BoolArray]:
+    """Heights (H, W) of all points over the ground, one sigma of each, and the rocks with their rim."""
+    over, sd = point_heights(depth_m, eyes), disparity_sd_m(depth_m, eyes)
+    rocks = cv2.dilate((labels > 0).astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
+    ground = np.isfinite(over) & ~hidden & ~rocks
+    broad, _ = window_mean(over, ground, _BROAD_PX)
+    level, count = window_mean(over, ground & (np.abs(over - broad) < _UNEVEN_M + _SIGMAS * sd), _FINE_PX)
+    return over - np.where(count >= _LEAST_GROUND_PX, level, broad), sd, rocks
+
+
 def standing_blobs(
     depth_m: FloatArray, labels: IntArray, hidden: BoolArray, eyes: StereoView
 ) -> tuple[Blobs, FloatArray]:
     """Blobs that stand out by depth and are no labelled rock, and heights (H, W) of all points over the ground."""
-    over, sd = point_heights(depth_m, eyes), disparity_sd_m(depth_m, eyes)
-    rocks = cv2.dilate((labels > 0).astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
-    seen = np.isfinite(over) & ~hidden
-    broad, _ = window_mean(over, seen & ~rocks, _BROAD_PX)
-    level, count = window_mean(over, seen & ~rocks & (np.abs(over - broad) < _UNEVEN_M + _SIGMAS * sd), _FINE_PX)
-    height = over - np.where(count >= _LEAST_GROUND_PX, level, broad)
-    stands = seen & (height > LEAST_M + _SIGMAS * sd) & (depth_m < _REACH_M)
+    height, sd, rocks = _over_ground(depth_m, labels, hidden, eyes)
+    stands = np.isfinite(height) & ~hidden & (height > LEAST_M + _SIGMAS * sd) & (depth_m < _REACH_M)
     whole = find_blobs(np.asarray(stands))
     # What stands out around a rock is the rock itself and the rim that its depths spill over.
     known = np.bincount(whole.labels[rocks], minlength=len(whole) + 1)[1:]

@@ -19,9 +19,10 @@ from perception.binarize import Binarized, SingleArray, clean, rock_mask, rock_s
 from perception.blobs import Blobs, find_blobs, select
 from perception.class_definition import WINDOW_PX
 from perception.clasts import clast_chance, redness
-from perception.depth_rocks import placed_blobs, standing_blobs
+from perception.depth_rocks import filled_out, placed_blobs, standing_blobs
 from perception.ground import beyond_horizon, footprint, window_centres, window_ranges
 from perception.knowledge_base import Knowledge, load_knowledge
+from perception.rejoining import rejoined
 from perception.rock_classifier import blob_features, rock_certainty
 from perception.rock_geometry import RockOutlines, outlines
 from perception.rock_parting import part_rocks
@@ -108,10 +109,10 @@ def perceive(frame: Frame, knowledge: Knowledge, covered: BoolArray | None = Non
     if frame.camera_pose is None or frame.ground is None:
         return examine(frame.image, knowledge)
     view = View(frame.camera, frame.camera_pose, frame.ground, frame.to_sun_w)
-    found = on_ground(examine(frame.image, knowledge, view, covered), view, frame.time_s, knowledge)
+    found = examine(frame.image, knowledge, view, covered)
     if frame.right is None:
-        return found
-    return with_second_eye(found, view, frame.image, frame.right, frame.baseline_m, knowledge)
+        return on_ground(found, view, frame.time_s, knowledge)
+    return by_two_eyes(found, view, (frame.image, frame.right), frame.baseline_m, frame.time_s, knowledge)
 
 
 def examine(
@@ -182,23 +183,46 @@ def on_ground(found: Perception, view: View, time_s: float, knowledge: Knowledge
     return replace(found, rocks=rocks, observation=observation)
 
 
-def with_second_eye(
-    found: Perception, view: View, left: ByteArray, right: ByteArray, baseline_m: float, knowledge: Knowledge
+def by_two_eyes(
+    found: Perception,
+    view: View,
+    pair: tuple[ByteArray, ByteArray],
+    baseline_m: float,
+    time_s: float,
+    knowledge: Knowledge,
 ) -> Perception:
-    """The same with its placed rocks moved to where a second camera, to the right of the first, sees them."""
-    assert found.observation is not None
-    depth = depth_picture(working_picture(left), working_picture(right), view.camera, found.scale, baseline_m)
+    """What the left picture of a ``pair`` showed, whole and placed on the ground by the depths of both."""
+    left, right = (working_picture(picture) for picture in pair)
+    depth = depth_picture(left, right, view.camera, found.scale, baseline_m, found.labels)
     eyes = StereoView(view, found.scale, view.camera.focal_px / found.scale[0] * baseline_m)
-    ground = measured_ground(depth, found.labels, found.hidden, eyes)
+    placed = on_ground(with_whole_rocks(found, depth, eyes, knowledge), view, time_s, knowledge)
+    return with_second_eye(placed, depth, eyes, knowledge)
+
+
+def with_whole_rocks(found: Perception, depth_m: FloatArray, eyes: StereoView, knowledge: Knowledge) -> Perception:
+    """The same with parts of one rock, by the depths (H, W), put together; a rock is as certain as its surest part."""
+    labels = filled_out(found.labels, depth_m, found.hidden, eyes)
+    blobs, owner = rejoined(labels, len(found.rocks), depth_m)
+    certainty = np.zeros(len(blobs))
+    np.maximum.at(certainty, owner[: len(found.rocks)], [rock.certainty for rock in found.rocks])
+    shape = outlines(blobs, knowledge.rock.round_ratio)
+    rocks = _image_rocks(blobs, shape, certainty)
+    return replace(found, labels=blobs.labels, mask=blobs.labels > 0, rocks=rocks, outlines=shape)
+
+
+def with_second_eye(found: Perception, depth_m: FloatArray, eyes: StereoView, knowledge: Knowledge) -> Perception:
+    """The same with its placed rocks moved to where the depths (H, W) of a second camera say."""
+    assert found.observation is not None
+    ground = measured_ground(depth_m, found.labels, found.hidden, eyes)
     shown = pixels_by_label(found.labels, len(found.rocks))
     rocks = tuple(
-        structs.replace(rock, placed=refined(rock.placed, depth, shown[rock.id - 1], ground, eyes, knowledge.ground))
+        structs.replace(rock, placed=refined(rock.placed, depth_m, shown[rock.id - 1], ground, eyes, knowledge.ground))
         if rock.placed
         else rock
         for rock in found.rocks
     )
     observed = replace(found.observation, class_centre_w=on_measured(found.observation.class_centre_w, ground, eyes))
-    return with_standing(replace(found, rocks=rocks, observation=observed), depth, eyes, knowledge)
+    return with_standing(replace(found, rocks=rocks, observation=observed), depth_m, eyes, knowledge)
 
 
 def with_standing(found: Perception, depth_m: FloatArray, eyes: StereoView, knowledge: Knowledge) -> Perception:

@@ -15,9 +15,9 @@ from itertools import pairwise
 import cv2
 import numpy as np
 from msgspec import structs
-from numpy.typing import NDArray
 
 from perception.camera import grid_rays_c, project
+from perception.fine_disparity import SingleArray, sharpened
 from perception.ground import ground_points, range_sd
 from perception.knowledge_base import GroundKnowledge
 from perception.lens import distort
@@ -25,7 +25,6 @@ from perception.rock_placement import View
 from worlds.geometry import rotation_from_quaternion
 from worlds.types import BoolArray, ByteArray, CameraModel, FloatArray, IntArray, PerceivedRock
 
-SingleArray = NDArray[np.float32]
 DISPARITY_SD_PX, SHARED_SD_PX = 0.15, 0.08  # one sigma of a pixel alone, and of what all pixels share
 FORM_SD_M = 0.05  # of a rock's centre against its near face
 _DISPARITIES = 64  # of the working picture; nearer than f B / 64 nothing is measured
@@ -36,8 +35,10 @@ _FOOT_SHARE, _LEAST_PX = 0.35, 6  # of the rock's rows, from the bottom, that sh
 _AROUND_PX = (31, 9)  # of the picture whose ground is averaged
 _RIM_PX = 5  # about rocks: their depths spill over by half a block
 _LEAST_GROUND_PX = 40
-_TOP_QUANTILE, _TOP_SD = 0.98, 0.1  # of a rock's points, its top; one sigma of what they miss, as a share
-_PIECE_SDS = 2.0  # of an outline's height, where the points rise higher
+_TOP_QUANTILE, _TOP_SD = 0.93, 0.07  # of a rock's points, its top; one sigma of what they miss, as a share
+_TOP_SD_PX = 0.15  # and of their disparity
+_PIECE_REACH_M = 3.5  # beyond it points that rise so are mostly mismatched
+_PIECE_SIGMAS = 2.0  # of the points' error, that they rise over the outline's height: it may be that of a piece
 _LEVEL_SD_M = 0.01  # between the ground beside a rock and under it
 
 
@@ -66,30 +67,42 @@ class MeasuredGround:
 
 
 def depth_picture(
-    left: ByteArray, right: ByteArray, camera: CameraModel, scale: tuple[float, float], baseline_m: float
+    left: ByteArray,
+    right: ByteArray,
+    camera: CameraModel,
+    scale: tuple[float, float],
+    baseline_m: float,
+    labels: IntArray | None = None,
 ) -> FloatArray:
     """Depth (H, W) in metres along the left camera's axis; NaN where nothing could be matched.
 
     ``scale`` makes pixels of the ``camera`` of the pictures'. Pictures through a lens are matched as a pinhole of the
-    same focal length would have taken them, and the depths brought back to the pixels that they belong to.
+    same focal length would have taken them, and the depths brought back to the pixels that they belong to. ``labels``
+    (H, W) of rocks, if known, keep the depths of rocks and ground apart (`perception.fine_disparity`).
     """
     grey = [
         p if p.ndim == 2 else np.asarray(cv2.cvtColor(p, cv2.COLOR_RGB2GRAY), dtype=np.uint8) for p in (left, right)
     ]
+    focal_baseline = camera.focal_px / scale[0] * baseline_m
     if camera.lens is None:
-        return _matched(grey[0], grey[1], camera.focal_px / scale[0] * baseline_m)
+        return focal_baseline / _disparity(grey[0], grey[1], labels)
     there, back = _rectifying(camera, (left.shape[0], left.shape[1]), scale)
     flat = [cv2.remap(p, there[0], there[1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE) for p in grey]
-    depth = _matched(
-        np.asarray(flat[0], np.uint8), np.asarray(flat[1], np.uint8), camera.focal_px / scale[0] * baseline_m
-    )
+    if labels is not None:
+        labels = np.asarray(cv2.remap(labels.astype(np.int16), there[0], there[1], cv2.INTER_NEAREST), np.int32)
+    depth = focal_baseline / _disparity(np.asarray(flat[0], np.uint8), np.asarray(flat[1], np.uint8), labels)
     depth[np.isnan(there[0])] = np.nan
     return np.asarray(
         cv2.remap(depth, back[0], back[1], cv2.INTER_NEAREST, borderMode=cv2.BORDER_CONSTANT, borderValue=np.nan)
     )
 
 
-def _matched(left: ByteArray, right: ByteArray, focal_baseline: float) -> FloatArray:
+def _disparity(left: ByteArray, right: ByteArray, labels: IntArray | None) -> FloatArray:
+    found = _matched(left, right)
+    return np.asarray(found if labels is None else sharpened(found, left, right, labels), dtype=np.float64)
+
+
+def _matched(left: ByteArray, right: ByteArray) -> SingleArray:
     # The matcher leaves out the columns whose partner might lie outside: give it room there.
     wide = [cv2.copyMakeBorder(p, 0, 0, _DISPARITIES, 0, cv2.BORDER_REPLICATE) for p in (left, right)]
     matcher = cv2.StereoSGBM.create(
@@ -107,7 +120,7 @@ def _matched(left: ByteArray, right: ByteArray, focal_baseline: float) -> FloatA
     disparity = matcher.compute(wide[0], wide[1])[:, _DISPARITIES:] / _STEPS
     # What the second eye does not see is matched to the room given, and towers over the ground.
     seen = disparity <= np.arange(disparity.shape[1]) - _OUTSIDE_PX
-    return np.asarray(focal_baseline / np.where((disparity > 0) & seen, disparity, np.nan))
+    return np.where((disparity > 0) & seen, disparity, np.nan).astype(np.float32)
 
 
 @lru_cache(maxsize=4)
@@ -245,17 +258,20 @@ def _by_foot(
 def _topped(rock: PerceivedRock, over_m: FloatArray, depth_m: FloatArray, eyes: StereoView) -> PerceivedRock:
     """The rock with its height averaged by variance with what its points (N,) rise over the ground.
 
-    Points that rise over what the outline tells count for more: the outline may be that of a piece, whose breadth, and
-    so height, is too small.
+    Points that rise clearly over what the outline tells count for more: the outline may be that of a piece, whose
+    breadth, and so height, is too small.
     """
     seen = np.isfinite(over_m)
     if rock.cut or seen.sum() < _LEAST_PX or rock.height_sd_m <= 0.0:
         return rock
     top = float(np.quantile(over_m[seen], _TOP_QUANTILE))
-    sd = np.hypot(float(disparity_sd_m(np.asarray(np.median(depth_m[seen])), eyes)), _TOP_SD * top)
-    told_sd = rock.height_sd_m * (_PIECE_SDS if top > rock.height_m else 1.0)
+    row_m = float(np.median(depth_m[seen])) * eyes.view.height_m / eyes.focal_baseline
+    sd = np.hypot(_TOP_SD_PX * row_m, _TOP_SD * top)
+    more = top - rock.height_m
+    near = float(np.median(depth_m[seen])) < _PIECE_REACH_M
+    told_sd = np.hypot(rock.height_sd_m, max(more - _PIECE_SIGMAS * float(sd), 0.0) if near else 0.0)
     trust = told_sd**2 / (told_sd**2 + sd**2)
-    height = rock.height_m + trust * (top - rock.height_m)
+    height = rock.height_m + trust * more
     return structs.replace(rock, height_m=float(height), height_sd_m=float(np.sqrt(trust) * sd))
 
 

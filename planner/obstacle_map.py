@@ -64,9 +64,11 @@ class DriveModel:
 
 
 # Two eyes measure how high a piece is; one takes the height from the breadth, and a piece for a low rock. What is
-# believed better needs less of a margin elsewhere: more rocks are hard, and low ones, which hold wheels, cost more. Of
-# rocks within 2 m that the belly meets with a probability of .10 to .18 none was found to be so high, by .22 a sixth.
-STEREO_DRIVE = DriveModel(touching=0.0, low_weight=1.2, belly_share=1.08, squeeze_doubt=0.25)
+# believed better needs less of a margin elsewhere: more rocks are hard, and low ones, which hold wheels, cost more.
+# Errors of heights by two eyes are as large as stated, and so are not taken larger.
+STEREO_DRIVE = DriveModel(
+    touching=0.0, low_weight=1.2, belly_share=1.08, squeeze_doubt=0.16, height_error=1.0, far_doubt=0.65
+)
 
 
 @dataclass(frozen=True)

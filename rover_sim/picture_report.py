@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 
 from perception.knowledge_base import Knowledge, load_knowledge
-from perception.pipeline import Perception, View, examine, on_ground, with_second_eye
+from perception.pipeline import Perception, View, by_two_eyes, examine, on_ground
 from rover_sim.camera_file import CameraFile, baseline_m, camera_view, default_camera
 from rover_sim.errors import InputError
 from rover_sim.files import atomic_path, write_json, write_text
@@ -126,9 +126,10 @@ def _look(order: Order, path: Path, picture: ByteArray, right: ByteArray | None,
     knowledge, footprint = _knowledge(order.knowledge), load_rover(ROVER).footprint()
     # An assumed camera knows nothing of this picture's horizon.
     seen = examine(picture, knowledge, view if order.camera else None)
-    found = on_ground(seen, view, 0.0, knowledge)
-    if right is not None:
-        found = with_second_eye(found, view, picture, right, baseline_m(order.camera), knowledge)
+    if right is None:
+        found = on_ground(seen, view, 0.0, knowledge)
+    else:
+        found = by_two_eyes(seen, view, (picture, right), baseline_m(order.camera), 0.0, knowledge)
     assert found.observation is not None
     paths = picture_paths(found.observation, view, footprint)
     return _Scene(path, order.folder / path.stem, found, view, paths, footprint, knowledge.ground.max_range_m)

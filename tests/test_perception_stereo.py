@@ -11,6 +11,7 @@ import pytest
 from msgspec import structs
 
 from perception.camera import project, rays_c
+from perception.depth_rocks import filled_out
 from perception.ground import ground_points, window_centres
 from perception.knowledge_base import GroundKnowledge, load_knowledge
 from perception.pipeline import Perception, View, perceive
@@ -149,6 +150,19 @@ def test_the_points_of_a_rock_tell_its_height() -> None:
         refined(structs.replace(unsure, cut=True), depth, pixels_by_label(labels, 1)[0], ground, EYES, KNOW).height_m
         < 0.25
     )
+
+
+def test_the_face_of_a_rock_that_looks_like_soil_is_filled_out_by_depth() -> None:
+    depth, labels = plane_depth(0.0), np.zeros((240, 320), np.int32)
+    depth[80:120, 150:170] = plane_depth(0.15)[80:120, 150:170]
+    depth[80:120, 220:240] = plane_depth(0.15)[80:120, 220:240]
+    labels[80:90, 150:170] = 1
+    found = filled_out(labels, depth, np.zeros((240, 320), bool), EYES)
+    np.testing.assert_array_equal(found == 1, labels == 1)
+    face = np.zeros((240, 320), bool)
+    face[90:120, 150:170] = True  # not the thing that no rock touches
+    np.testing.assert_array_equal(found == 2, face)
+    assert found.max() == 2
 
 
 @pytest.mark.parametrize("lens", [
