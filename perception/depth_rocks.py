@@ -2,7 +2,8 @@
 
 Whatever rises over the ground around it by more than `LEAST_M` and two sigma of its depth, and is no rock by its
 texture, is a blob of its own. The ground is averaged over a broad part of the picture, and once more without what
-stands out of it. Low rocks stay below the noise of the depths: this finds what would stop or tip the rover.
+stands out of it. Low rocks stay below the noise of the depths: this finds what would stop or tip the rover. What stands
+out less, but beside a rock that is known, may be more of that rock.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from worlds.geometry import rotation_from_quaternion
 from worlds.types import BoolArray, FloatArray, IntArray, PerceivedRock
 
 LEAST_M = 0.1
-FACE_M, _FACE_REACH_M = 0.02, 3.0  # of what continues a rock, and how far off its depths tell
+_FACE_M, _FACE_REACH_M = 0.02, 3.0  # of what continues a rock, and how far off its depths tell
 _SIGMAS = 2.0
 _BROAD_PX, _FINE_PX, _LEAST_GROUND_PX = (91, 25), (61, 17), 60
 _UNEVEN_M = 0.06  # that ground may differ within the broad window
@@ -35,7 +36,7 @@ def filled_out(labels: IntArray, depth_m: FloatArray, hidden: BoolArray, eyes: S
     A rock's face in the sun may have the colour of the sand. Which rock it belongs to is left open.
     """
     height, sd, rocks = _over_ground(depth_m, labels, hidden, eyes)
-    stands = np.isfinite(height) & ~hidden & (height > FACE_M + sd) & (depth_m < _FACE_REACH_M)
+    stands = np.isfinite(height) & ~hidden & (height > _FACE_M + sd) & (depth_m < _FACE_REACH_M)
     faces = find_blobs(np.asarray(stands & (labels == 0)), _LEAST_PX)
     near = np.bincount(faces.labels[rocks], minlength=len(faces) + 1)[1:] > 0
     faces = select(faces, near)

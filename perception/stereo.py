@@ -180,8 +180,12 @@ def point_heights(depth_m: FloatArray, eyes: StereoView) -> FloatArray:
 
 def disparity_sd_m(depth_m: FloatArray, eyes: StereoView) -> FloatArray:
     """One sigma (...,) in metres of the height of single points over the ground at depths (...,)."""
-    disparity_sd = np.hypot(SHARED_SD_PX, DISPARITY_SD_PX)
-    return np.asarray(disparity_sd * depth_m * eyes.view.height_m / eyes.focal_baseline)
+    return np.asarray(np.hypot(SHARED_SD_PX, DISPARITY_SD_PX) * _height_a_px(depth_m, eyes))
+
+
+def _height_a_px(depth_m: FloatArray, eyes: StereoView) -> FloatArray:
+    """Metres of height over the ground (...,) for a pixel of disparity at depths (...,)."""
+    return np.asarray(depth_m * eyes.view.height_m / eyes.focal_baseline)
 
 
 def window_mean(values: FloatArray, which: BoolArray, size_px: tuple[int, int]) -> tuple[FloatArray, FloatArray]:
@@ -265,11 +269,10 @@ def _topped(rock: PerceivedRock, over_m: FloatArray, depth_m: FloatArray, eyes: 
     if rock.cut or seen.sum() < _LEAST_PX or rock.height_sd_m <= 0.0:
         return rock
     top = float(np.quantile(over_m[seen], _TOP_QUANTILE))
-    row_m = float(np.median(depth_m[seen])) * eyes.view.height_m / eyes.focal_baseline
-    sd = np.hypot(_TOP_SD_PX * row_m, _TOP_SD * top)
-    more = top - rock.height_m
-    near = float(np.median(depth_m[seen])) < _PIECE_REACH_M
-    told_sd = np.hypot(rock.height_sd_m, max(more - _PIECE_SIGMAS * float(sd), 0.0) if near else 0.0)
+    depth, more = np.asarray(np.median(depth_m[seen])), top - rock.height_m
+    sd = np.hypot(_TOP_SD_PX * _height_a_px(depth, eyes), _TOP_SD * top)
+    piece = max(more - _PIECE_SIGMAS * float(sd), 0.0) if depth < _PIECE_REACH_M else 0.0
+    told_sd = np.hypot(rock.height_sd_m, piece)
     trust = told_sd**2 / (told_sd**2 + sd**2)
     height = rock.height_m + trust * more
     return structs.replace(rock, height_m=float(height), height_sd_m=float(np.sqrt(trust) * sd))

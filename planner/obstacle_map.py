@@ -65,7 +65,7 @@ class DriveModel:
 
 # Two eyes measure how high a piece is; one takes the height from the breadth, and a piece for a low rock. What is
 # believed better needs less of a margin elsewhere: more rocks are hard, and low ones, which hold wheels, cost more.
-# Heights by two eyes have no bias and err little more than stated; far ones are left open longer, as they err most.
+# Heights by two eyes hardly have a bias and err little more than stated; far rocks, as they err most, stay open longer.
 STEREO_DRIVE = DriveModel(
     touching=0.0, low_weight=1.2, belly_share=1.08, squeeze_doubt=0.18, height_error=1.4, far_doubt=0.65
 )

@@ -183,6 +183,14 @@ def test_pairs_through_a_lens_are_matched_where_their_points_belong(lens: Lens) 
     assert seen[20:-20, 40:-40].mean() > 0.9
     assert np.abs(depth[seen] / 3.0 - 1.0).mean() < 0.02
     assert np.abs(depth_picture(pair[0], pair[1], CAMERA, (1.0, 1.0), 0.12)[seen] / 3.0 - 1.0).mean() > 0.03
+    labels = np.zeros((240, 320), np.int32)
+    labels[40:90, 60:120] = 1
+    told = depth_picture(pair[0], pair[1], camera, (1.0, 1.0), 0.12, labels)
+    np.testing.assert_array_equal(np.isfinite(told), seen)
+    rock = seen & (labels == 1)
+    assert (told[rock] != depth[rock]).mean() > 0.5
+    assert np.median(told[rock]) == pytest.approx(3.0, rel=0.003)  # resampled twice, single pixels err by 0.08
+    assert np.abs(told[rock] / 3.0 - 1.0).mean() < 0.02
 
 
 def test_two_eyes_place_rendered_rocks_on_rolling_ground_better_than_one() -> None:

@@ -209,6 +209,15 @@ def test_nav_drives_with_the_stereo_pair_where_asked() -> None:
     assert [trial.scenario.sensors.stereo for trial in trials] == [False, True]
 
 
+def test_routes_are_driven_with_the_stereo_pair_where_asked() -> None:
+    trials = trials_of("route", {"ground": ("hills",), "distance_m": (100.0,), "sensors": EYES}, [0], None)
+    assert [trial.key for trial in trials] == [
+        "route/ground=hills/distance_m=100/seed=0",
+        "route/ground=hills/distance_m=100/sensors=stereo/seed=0",
+    ]
+    assert [trial.scenario.sensors.stereo for trial in trials] == [False, True]
+
+
 @pytest.mark.parametrize(
     ("suite", "chosen", "words"),
     [
