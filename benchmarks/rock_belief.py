@@ -7,8 +7,9 @@ quarter of a metre; what perception sees in it is remembered as in a run. Its po
 in is the plane through 4 m around. Every metre each rock that is too tall for the belly, lies within 4 m and was seen
 (20 pixels in some picture) is compared with the hard obstacles of the planner, without their berths: the share of its
 outline that none covers, and how far it sticks out of them. Believed ground is what hard obstacles cover within 4 m;
-it is false where there is no rock of 7 cm within 3 cm. Heights of seen rocks are compared with those of the remembered
-ones in their place. Seeds from 700 on are never looked at while anything is tuned.
+it is false where there is no rock of 7 cm within 3 cm. Heights of seen rocks over the ground where wheels stand that
+straddle them are compared with those of the remembered ones in their place. Seeds from 700 on are never looked at while
+anything is tuned.
 """
 
 from __future__ import annotations
@@ -33,6 +34,7 @@ from rover_sim.trials.oracle import oracle_way
 from rover_sim.trials.suites import Choices, trials_of
 from worlds.build import build_world
 from worlds.geometry import camera_pose, to_sun, to_the_right
+from worlds.heightfield import height_at
 from worlds.rock_shape import outlines
 from worlds.scenario import Camera
 from worlds.types import BoolArray, FloatArray, Footprint, Frame, GroundPlane, World
@@ -47,6 +49,7 @@ NEAR_M = (0.0, 0.9, 1.4, 2.0, 3.5)
 COMPARED_M = (0.08, 0.13)  # true heights around what the belly clears
 HEIGHTS_M = (0.06, 0.08, 0.09, 0.10, 0.107, 0.115, 0.13, 0.20)
 IN_PLACE = 0.3  # of a rock's mean diameter
+STRADDLED_M = (0.3, 0.4, 0.5)  # from a rock's middle, where the wheels are when it is under the belly
 BARE = replace(DriveModel(), sd_share=0.0)  # obstacles without berth
 
 
@@ -136,13 +139,24 @@ def add_heights(score: Score, world: World, moment: Moment, body: Footprint, mod
     high = too_high(rocks, belly_meets(rocks, model, body.climb_height_m), model)
     away = np.hypot(*(true.position_w[:, :2] - moment.place_w).T)
     low, top = HEIGHTS_M[0], HEIGHTS_M[-1]
-    within = (true.extents_m[:, 2] > low) & (true.extents_m[:, 2] < top) & (away < NEAR_M[-1])
-    for row in np.flatnonzero(within & moment.seen):
+    for row in np.flatnonzero((away < NEAR_M[-1]) & moment.seen):
+        tall = _over_wheels(world, int(row))
+        if not low < tall < top:
+            continue
         apart = np.hypot(*(rocks.centre_w - true.position_w[row, :2]).T)
         nearest = int(apart.argmin())
         if apart[nearest] < IN_PLACE * np.sqrt(np.prod(true.extents_m[row, :2])):
             found = float(rocks.height_m[nearest]), float(high[nearest])
-            score.heights.append((float(away[row]), float(true.extents_m[row, 2]), *found))
+            score.heights.append((float(away[row]), tall, *found))
+
+
+def _over_wheels(world: World, row: int) -> float:
+    """Height of a rock's top over the ground around it that wheels stand on."""
+    x, y, bottom = world.rocks.position_w[row]
+    angles = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
+    places = np.array(STRADDLED_M)[:, None, None] * np.stack([np.cos(angles), np.sin(angles)], axis=-1) + [x, y]
+    around = float(height_at(world.ground, places[..., 0], places[..., 1]).mean())
+    return float(bottom + world.rocks.extents_m[row, 2]) - around
 
 
 def _kind(world: World, row: int) -> int:

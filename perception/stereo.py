@@ -19,6 +19,7 @@ from msgspec import structs
 from perception.camera import grid_rays_c, project
 from perception.fine_disparity import SingleArray, sharpened
 from perception.ground import ground_points, range_sd
+from perception.ground_planes import GroundPlanes, ground_planes
 from perception.knowledge_base import GroundKnowledge
 from perception.lens import distort
 from perception.rock_placement import View
@@ -35,7 +36,8 @@ _FOOT_SHARE, _LEAST_PX = 0.35, 6  # of the rock's rows, from the bottom, that sh
 _AROUND_PX = (31, 9)  # of the picture whose ground is averaged
 _RIM_PX = 5  # about rocks: their depths spill over by half a block
 _LEAST_GROUND_PX = 40
-_TOP_QUANTILE, _TOP_SD = 0.93, 0.07  # of a rock's points, its top; one sigma of what they miss, as a share
+PLANES_M = 4.0  # farther ground is measured too badly for planes of its own
+_TOP_QUANTILE, _TOP_SD = 0.95, 0.03  # of a rock's points, its top; one sigma of what they miss, as a share
 _TOP_SD_PX = 0.15  # and of their disparity
 _PIECE_REACH_M = 3.5  # beyond it points that rise so are mostly mismatched
 _PIECE_SIGMAS = 2.0  # of the points' error, that they rise over the outline's height: it may be that of a piece
@@ -63,6 +65,7 @@ class MeasuredGround:
     height_m: FloatArray  # NaN where too little of it was matched
     sd_m: FloatArray
     over_m: FloatArray  # heights of the points of the pixels themselves, rocks and all
+    planes: GroundPlanes  # what rocks stand on
     slope_sd: float  # how far it leaves the plane in this picture, one sigma as a share of the range
 
 
@@ -152,7 +155,17 @@ def measured_ground(depth_m: FloatArray, labels: IntArray, hidden: BoolArray, ey
     known = ground & np.isfinite(height)
     excess = (height[known] ** 2 - sd[known] ** 2) / (believed[known] ** 2 + high**2)
     slope = float(np.sqrt(max(float(excess.mean()), 0.0))) if len(excess) else np.inf
-    return MeasuredGround(height, sd, over, slope)
+    return MeasuredGround(height, sd, over, _planes(depth_m, ground, over, eyes), slope)
+
+
+def _planes(depth_m: FloatArray, ground: BoolArray, over_m: FloatArray, eyes: StereoView) -> GroundPlanes:
+    pose, rays = eyes.view.pose, grid_rays_c(eyes.view.camera, (depth_m.shape[0], depth_m.shape[1]))
+    near = ground & (depth_m < PLANES_M)
+    eye_w = np.asarray(pose.position_w[:2])
+    across = (
+        rays[near] * (depth_m[near] / rays[near][:, 2])[:, None] @ rotation_from_quaternion(pose.quaternion_w)[:2].T
+    )
+    return ground_planes(eye_w + across, over_m[near], eye_w)
 
 
 def on_measured(centre_w: FloatArray, ground: MeasuredGround, eyes: StereoView) -> FloatArray:
@@ -241,7 +254,9 @@ def refined(
     scale = float(np.array([k for k, _ in told]) @ weight / weight.sum())
     sd = float(np.hypot(rock.range_m / np.sqrt(weight.sum()), FORM_SD_M))  # of base line and half depth they share it
     moved = _scaled(rock, scale, eyes.view.pose.position_w, sd)
-    level = beside if np.isfinite(beside) else (1.0 - scale) * eyes.view.height_m
+    level = ground.planes.height_m(np.array(moved.position_w[:2]))
+    if not np.isfinite(level):
+        level = beside if np.isfinite(beside) else (1.0 - scale) * eyes.view.height_m
     return _topped(moved, ground.over_m[shown] - level, depth_m[shown], eyes)
 
 

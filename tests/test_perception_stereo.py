@@ -8,11 +8,14 @@ from typing import Any
 import cv2
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from msgspec import structs
 
 from perception.camera import project, rays_c
 from perception.depth_rocks import filled_out
 from perception.ground import ground_points, window_centres
+from perception.ground_planes import ground_planes
 from perception.knowledge_base import GroundKnowledge, load_knowledge
 from perception.pipeline import Perception, View, perceive
 from perception.stereo import (
@@ -31,6 +34,7 @@ from tests.test_perception_command import CAMERA_TOML, run
 from worlds.geometry import camera_pose, quaternion_from_euler, to_the_right
 from worlds.types import CameraModel, FloatArray, Frame, GroundPlane, Lens, PerceivedRock, Pose
 
+Pair = tuple[float, float]
 CAMERA = CameraModel(320, 240, 200.0, (0.0, 0.0, 1.0), float(np.deg2rad(45.0)))
 POSE = camera_pose(Pose(np.zeros(3), quaternion_from_euler(0.0, 0.0, 0.0)), CAMERA)
 VIEW = View(CAMERA, POSE, GroundPlane(np.zeros(3), np.array([0.0, 0.0, 1.0])))
@@ -86,7 +90,8 @@ def test_a_rock_seen_nearer_is_smaller_and_higher_as_worked_by_hand() -> None:
     (shown,) = pixels_by_label(labels, 1)
     depth = np.full((240, 320), np.sqrt(2.0) / 2.0)
     nothing = np.full((240, 320), np.nan)
-    unknown = MeasuredGround(nothing, nothing, nothing, np.inf)
+    nowhere = ground_planes(np.zeros((0, 2)), np.zeros(0), np.zeros(2))
+    unknown = MeasuredGround(nothing, nothing, nothing, nowhere, np.inf)
     unsure = structs.replace(ROCK, position_sd_m=1e3)
     moved = refined(unsure, depth, shown, unknown, EYES, KNOW)
     assert moved.position_w == pytest.approx((0.5, 0.0, 0.5), abs=1e-3)
@@ -143,13 +148,50 @@ def test_the_points_of_a_rock_tell_its_height() -> None:
     assert refined(unsure, depth, pixels_by_label(labels, 1)[0], ground, EYES, KNOW).height_m == pytest.approx(
         0.3, abs=0.01
     )
-    told = [structs.replace(unsure, height_m=height, height_sd_m=0.03) for height in (0.1, 0.5)]
+    told = [structs.replace(unsure, height_m=height, height_sd_m=0.015) for height in (0.1, 0.5)]
     low, high = (refined(rock, depth, pixels_by_label(labels, 1)[0], ground, EYES, KNOW).height_m for rock in told)
     assert (low - 0.1) / 0.2 > 1.3 * (0.5 - high) / 0.2, "an outline that is too low may be that of a piece"
     assert (
         refined(structs.replace(unsure, cut=True), depth, pixels_by_label(labels, 1)[0], ground, EYES, KNOW).height_m
         < 0.25
     )
+
+
+def test_a_rock_is_as_high_as_it_rises_over_where_wheels_stand() -> None:
+    # Level ground, but for a knoll of 5 cm around the foot of a rock whose points lie 30 cm over the level.
+    labels = np.zeros((240, 320), np.int32)
+    labels[100:120, 150:170] = 1
+    depth = plane_depth(0.0)
+    depth[118:128, 145:175] = plane_depth(0.05)[118:128, 145:175]
+    depth[labels == 1] = plane_depth(0.3)[labels == 1]
+    ground = measured_ground(depth, labels, np.zeros((240, 320), bool), EYES)
+    shown = pixels_by_label(labels, 1)[0]
+    assert ground.height_m[119, 160] > 0.02, "the ground beside it is the knoll"
+    assert ground.planes.height_m(np.array([1.0, 0.0])) == pytest.approx(0.0, abs=0.01)
+    unsure = structs.replace(ROCK, height_sd_m=1.0)
+    assert refined(unsure, depth, shown, ground, EYES, KNOW).height_m == pytest.approx(0.3, abs=0.01)
+
+
+@given(
+    tilt=st.tuples(*[st.floats(-0.3, 0.3)] * 2),
+    eye=st.tuples(*[st.floats(-50.0, 50.0)] * 2),
+    place=st.tuples(*[st.floats(-1.5, 1.5)] * 2),
+)
+def test_planes_of_flat_ground_are_that_ground(tilt: Pair, eye: Pair, place: Pair) -> None:
+    steps = np.arange(-3.0, 3.0, 0.03)
+    ground = np.array(eye) + np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
+    heights = (ground - eye) @ tilt + 0.2
+    planes = ground_planes(ground, heights, np.array(eye))
+    # Cells and the liking for level ground leave a share of a slope's rise within half a cell.
+    found = planes.height_m(np.array(eye) + place)
+    assert found == pytest.approx(0.2 + np.array(place) @ tilt, abs=0.01 * np.abs(tilt).sum() + 1e-9)
+
+
+def test_planes_are_not_known_where_too_little_ground_is_seen() -> None:
+    near = np.random.default_rng(0).uniform(-0.2, 0.2, size=(500, 2))
+    planes = ground_planes(near, np.zeros(500), np.zeros(2))
+    assert np.isnan(planes.height_m(np.array([0.0, 0.0]))), "16 cells of 10 cm, where 30 are asked for"
+    assert np.isnan(planes.height_m(np.array([40.0, 0.0]))), "beyond what is looked at"
 
 
 def test_the_face_of_a_rock_that_looks_like_soil_is_filled_out_by_depth() -> None:
