@@ -10,20 +10,22 @@ from planner.choice import Choice, Models, Place, choose, dense, turn_onto, turn
 from planner.corridor import Corridor, choose_way, corridor
 from planner.first_bend import begin_with_bend
 from planner.ground_cells import driven_view, sample
+from planner.guard import runs_onto
 from planner.laser_map import LaserMap
 from planner.monitor import tilt
 from planner.navigator_state import Decision, NavigatorModel, NavigatorState, place_of
 from planner.obstacle_map import NO_OBSTACLES, Area, fence, judged, let_leave, obstacles, passed_by, segment_clearance
-from planner.recovery import Ladder, Manoeuvre, finished, next_manoeuvre
+from planner.recovery import NUDGE_M_S, Ladder, Manoeuvre, finished, next_manoeuvre, step_back, turn_away
 from planner.room import turn_range
 from planner.row_search import Candidate
 from planner.terrain_map import empty_memory, remember, remember_scan
 from planner.track import note
 from planner.trouble import LATELY_S
 from planner.way_keeping import TURNING_RAD, goes_on, length_of, rest_of, still_good
-from worlds.geometry import euler_from_quaternion, rotation_from_quaternion
+from worlds.geometry import euler_from_quaternion, rotation_from_quaternion, wrap_angle
 from worlds.types import FloatArray, Footprint, Observation, PoseEstimate, RangeScan
 
+WARNED_AGAIN_M, MOST_WARNED = 0.2, 2  # so near it is the same place; what is done there
 LEAST_WAY_M = 0.3  # a shorter way ends where the rover stands, as path following sees it
 TURN_ON_SPOT_RAD = float(np.deg2rad(55.0))  # path following does such turns on the spot
 AROUND_M = 3.5  # of what the scanner saw, for manoeuvres
@@ -99,9 +101,20 @@ def step(
     if state.travelled_m - state.best_at_m > state.model.patience_m + 2.0 * state.first_m:
         return _ended(state, Decision("no_path", f"{state.travelled_m - state.best_at_m:.0f} m without getting nearer"))
     seen = observation is not None or scan is not None
-    if state.manoeuvre is not None and not finished(state.manoeuvre, place, time_s, seen=seen):
+    if state.manoeuvre is not None and not (
+        finished(state.manoeuvre, place, time_s, seen=seen) or _backs_onto(state, state.manoeuvre, place)
+    ):
         return state, _as_decision(state.manoeuvre)
     return _decide(replace(state, manoeuvre=None), place, time_s)
+
+
+def _backs_onto(state: NavigatorState, manoeuvre: Manoeuvre, place: Place) -> bool:
+    """Whether a rover that backs out, as it points, would run onto a rock: beside its track one may lie anywhere."""
+    if manoeuvre.kind != "back_up":
+        return False
+    hard = passed_by(_table(state), state.models.drive, squeeze=True)
+    rear = wrap_angle(place.heading_rad + np.pi)
+    return runs_onto(hard[hard[:, 6] > 0.5], np.asarray(place.position_w), rear, state.models.footprint)
 
 
 def _arrival_m(state: NavigatorState, estimate: PoseEstimate) -> float:
@@ -120,9 +133,9 @@ def _decide(state: NavigatorState, place: Place, time_s: float) -> tuple[Navigat
         return _by_laser(state, state.memory.laser, table, place, time_s)
     choice = choose(state.memory, table, place, state.models, detour=state.detour)
     if choice.way is not None and choice.way.length_m > LEAST_WAY_M:
-        return _drive(state, choice, table, place)
+        return _guarded(*_drive(state, choice, table, place), table, place, time_s)
     if state.way is not None and goes_on(state, table, place):
-        return state, replace(state.way, changed=False)
+        return _guarded(state, replace(state.way, changed=False), table, place, time_s)
     return _recover(state, choice, table, place, time_s)
 
 
@@ -229,6 +242,32 @@ def _drive(state: NavigatorState, choice: Choice, table: FloatArray, place: Plac
     return replace(state, way=fresh), fresh
 
 
+def _guarded(
+    state: NavigatorState, way: Decision, table: FloatArray, place: Place, time_s: float
+) -> tuple[NavigatorState, Decision]:
+    """The way, or first a turn, else a straight step back, where the rover as it points would run onto a rock.
+
+    Each once at a place: what was in vain is not done again.
+    """
+    models, here = state.models, np.asarray(place.position_w)
+    hard = passed_by(table, models.drive, squeeze=way.narrow)
+    hard = hard[hard[:, 6] > 0.5]
+    warned = runs_onto(hard, here, place.heading_rad, models.footprint)
+    turn = turn_onto(rest_of(way.waypoints_w, here), place)
+    if not warned or abs(turn) > TURNING_RAD:  # then it turns on the spot anyway
+        return state, way
+    tried = state.warned if np.hypot(*np.subtract(state.warned[:2], here)) < WARNED_AGAIN_M else (*place.position_w, 0)
+    state = replace(state, warned=(*tried[:2], tried[2] + 1))
+    manoeuvre = None
+    if tried[2] == 0:
+        manoeuvre = turn_away(hard, table, state.memory, place, models.footprint, turn, time_s)
+    if tried[2] < MOST_WARNED and manoeuvre is None:
+        manoeuvre = step_back(table, place, models.footprint, time_s)
+    if manoeuvre is None:
+        return state, way
+    return replace(state, way=None, manoeuvre=manoeuvre), _as_decision(manoeuvre)
+
+
 def _fresh(choice: Choice) -> Decision:
     assert choice.way is not None
     return Decision(
@@ -284,7 +323,10 @@ def _recover(
 
 
 def _as_decision(manoeuvre: Manoeuvre) -> Decision:
-    return Decision(manoeuvre.kind, manoeuvre.reason, manoeuvre.way_w, heading_rad=manoeuvre.heading_rad)
+    speed = NUDGE_M_S if manoeuvre.nudge_m > 0.0 else None
+    return Decision(
+        manoeuvre.kind, manoeuvre.reason, manoeuvre.way_w, heading_rad=manoeuvre.heading_rad, speed_m_s=speed
+    )
 
 
 def _ended(state: NavigatorState, decision: Decision) -> tuple[NavigatorState, Decision]:

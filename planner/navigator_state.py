@@ -52,7 +52,7 @@ class Decision:
     candidates: tuple[Candidate, ...] = ()
     scores: tuple[float, ...] = ()  # traversability of each candidate
     heading_rad: float = 0.0  # look: turn to it
-    speed_m_s: float | None = None  # drive: at most so fast now; None: as the risk allows
+    speed_m_s: float | None = None  # drive, back_up: at most so fast now; None: as the risk allows
 
     @property
     def risk(self) -> float:
@@ -78,6 +78,7 @@ class NavigatorState:
     detour: bool = False
     manoeuvre: Manoeuvre | None = None
     ladder: Ladder = Ladder()  # noqa: RUF009 - frozen
+    warned: tuple[float, float, int] = (np.inf, np.inf, 0)  # where a rock lay ahead, and what was done there
     end: Decision | None = None
     slope_rad: float = 0.0  # smoothed
     downhill_w: tuple[float, float] = (0.0, 0.0)  # rise over run, smoothed

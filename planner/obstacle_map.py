@@ -67,7 +67,13 @@ class DriveModel:
 # believed better needs less of a margin elsewhere: more rocks are hard, and low ones, which hold wheels, cost more.
 # Heights by two eyes hardly have a bias and err little more than stated; far rocks, as they err most, stay open longer.
 STEREO_DRIVE = DriveModel(
-    touching=0.0, low_weight=1.2, belly_share=1.08, squeeze_doubt=0.18, height_error=1.4, far_doubt=0.65
+    touching=0.0,
+    low_weight=1.2,
+    belly_share=1.08,
+    squeeze_doubt=0.5,
+    doubt_weight=90.0,
+    height_error=1.4,
+    far_doubt=0.65,
 )
 
 
@@ -128,7 +134,8 @@ def obstacles(
     doubt = belly_meets(rocks, model, climb_height_m)
     far = np.zeros(len(rocks), dtype=bool)
     if place_w is not None:
-        far = np.hypot(*(rocks.centre_w - place_w).T) > model.far_m
+        # What proved too high from near by stays so for who backs out, or it would be looked at again and again.
+        far = (np.hypot(*(rocks.centre_w - place_w).T) > model.far_m) & (rocks.weight < model.far_m**-4)
     high = np.where(far, doubt > model.far_doubt, too_high(rocks, doubt, model))
     sure = _sure(rocks, model, far)
     hard = high & sure

@@ -10,7 +10,8 @@ import numpy as np
 
 from planner.choice import SLOPE_DEG, Place
 from planner.ground_cells import GroundCells
-from planner.obstacle_map import let_leave, near, segment_clearance
+from planner.guard import free_turn
+from planner.obstacle_map import Frame2, in_frame, let_leave, near, segment_clearance
 from planner.room import GAP_M, turn_range, turning
 from planner.terrain_map import TerrainMemory
 from planner.track import way_back
@@ -39,11 +40,17 @@ LEAST_LOOK_RAD = float(np.deg2rad(20.0))
 LEAST_BACK_M = 0.25
 # The longest that there is room for, to the rear if it can be: out of all pits.
 NUDGES: Moves = tuple(product((1.2, 0.5, 0.25, 0.12), (("back_up", -1.0), ("drive", 1.0))))
+BRAKING_M = 0.1  # from the look that ends a nudge to a standing rover
+NUDGE_M_S, STRAIGHT_ON_M = 0.25, 0.6  # path following turns on the spot towards an end that is near and aside
+STEPS_BACK: Moves = ((0.5, ("back_up", -1.0)), (0.25, ("back_up", -1.0)))
+SHORT_RAD = float(np.deg2rad(8.0))  # of its heading a turn on the spot may end
 STRAIGHT_BACK: Moves = ((0.8, ("back_up", -1.0)),)
 SLID_RAD = float(np.deg2rad(15.0))  # off its track: on a slope a held rover slides round, and turning back digs
 IN_VAIN_M = 0.1  # as near to the last place of trouble, backing out did nothing
 MOST_TURN_RAD = float(np.deg2rad(35.0))  # with which backing out of trouble may begin
 FARTHER_M = 1.5  # beyond what was asked, to where there is room to turn
+HEAVY = 1.5  # weight of a low rock that had better not lie under the belly in a turn: it might be too high
+BESET = 0.5  # of its ease, what is left of a place behind a tight passage or over such a rock
 LATEST_S, LATEST_S_M = 15.0, 8.0  # for a manoeuvre, and more for each metre
 
 
@@ -57,6 +64,8 @@ class Manoeuvre:
     start_s: float
     heading_rad: float = 0.0  # look: where to
     way_w: FloatArray = field(default_factory=lambda: np.zeros((0, 2)))  # back_up, drive: (N, 2) from the rover on
+    nudge_m: float = 0.0  # so far along the way is enough; 0: to its end
+    within_rad: float = float(np.deg2rad(12.0))  # look: so near to its heading is enough
 
     @property
     def distance_m(self) -> float:
@@ -125,6 +134,34 @@ def next_manoeuvre(
     return None, ladder
 
 
+def turn_away(
+    hard_w: FloatArray,
+    table_w: FloatArray,
+    memory: TerrainMemory,
+    place: Place,
+    footprint: Footprint,
+    wanted_rad: float,
+    time_s: float,
+) -> Manoeuvre | None:
+    """The least turn after which no hard obstacle (N, 7) lies before the body, ``wanted_rad``'s side first."""
+    position, known = np.asarray(place.position_w), None if place.bold else memory.cells
+    right, left = turn_range(table_w, known, position, place.heading_rad, footprint, place.downhill_w)
+    easy = place.turning.reach(MOST_MET)
+    room = max(right, easy[0]), min(left, easy[1])
+    turn = free_turn(hard_w, position, place.heading_rad, wanted_rad, room, footprint)
+    if turn is None:
+        return None
+    further = float(np.clip(turn + np.copysign(SHORT_RAD, turn), *room))
+    heading = wrap_angle(place.heading_rad + further)
+    return Manoeuvre("look", "turn from a rock ahead", place.position_w, time_s, heading, within_rad=1.1 * SHORT_RAD)
+
+
+def step_back(table_w: FloatArray, place: Place, footprint: Footprint, time_s: float) -> Manoeuvre | None:
+    """Straight back a little, from a rock ahead; None where there is no room."""
+    away = _straight(STEPS_BACK, table_w, place, footprint, time_s)
+    return away if away is None else replace(away, reason="back from a rock ahead")
+
+
 def _back(
     least_m: float,
     reason: str,
@@ -145,7 +182,11 @@ def _back(
     if not len(poses) or apart.max() < LEAST_BACK_M:
         return None
     last = int(np.argmax(apart >= min(least_m, apart.max())))
-    room = {end: _ease(poses[end], memory, table_w, place, footprint) for end in range(last, len(poses), 2)}
+    tight = _first_tight(poses, table_w, place, footprint)
+    room = {
+        end: _ease(poses[end], memory, table_w, place, footprint) * (BESET if end >= tight else 1.0)
+        for end in range(last, len(poses), 2)
+    }
     last = next((end for end, eases in room.items() if eases >= 1.0), max(room, key=lambda end: room[end]))
     way = np.vstack([place.position_w, poses[: last + 1 : 3, :2], poses[last, :2]])
     return Manoeuvre("back_up", reason, place.position_w, time_s, way_w=way)
@@ -159,7 +200,29 @@ def _ease(pose: FloatArray, memory: TerrainMemory, table_w: FloatArray, place: P
     if min(-right, left) < ROOM_TO_TURN_RAD:
         return 0.0
     easy = turning(memory.rocks, position, heading, footprint).reach(MOST_MET)
-    return min(1.0, min(-easy[0], easy[1]) / ROOM_TO_TURN_RAD)
+    share = BESET if _over_rock(pose, table_w, footprint) else 1.0
+    return share * min(1.0, min(-easy[0], easy[1]) / ROOM_TO_TURN_RAD)
+
+
+def _over_rock(pose: FloatArray, table_w: FloatArray, footprint: Footprint) -> bool:
+    """Whether the body at a pose (3,) would stand over a rock that is too high for it, or might be."""
+    high = table_w[(table_w[:, 6] > 0.5) | (table_w[:, 5] > HEAVY)]
+    local = in_frame(near(high, pose[:2], 1.0), Frame2((float(pose[0]), float(pose[1])), float(pose[2])))
+    middle = 0.5 * np.abs(local[:, 0:2] + local[:, 2:4])
+    return bool(((middle[:, 0] < footprint.length_m / 2) & (middle[:, 1] < footprint.width_m / 2)).any())
+
+
+def _first_tight(poses: FloatArray, table_w: FloatArray, place: Place, footprint: Footprint) -> int:
+    """The first of the poses (N, 3) of a way back from which a hard rock was passed by less than the body's half.
+
+    The rover got by looking ahead; backwards it is blind, and a wheel that climbs the rock's flank brings it onto it.
+    """
+    need = footprint.width_m / 2
+    around = let_leave(
+        near(table_w, np.asarray(place.position_w), MOST_BACK_M + 1.0), np.asarray(place.position_w), need
+    )
+    tight = np.flatnonzero(segment_clearance(around, poses[:, :2]) < need) + 1
+    return int(tight[0]) if len(tight) else len(poses)
 
 
 def _easy(turn_rad: float, place: Place) -> bool:
@@ -185,7 +248,8 @@ def _straight(moves: Moves, table_w: FloatArray, place: Place, footprint: Footpr
         end = position + sign * distance * ahead
         tip = end + sign * reach * ahead
         if segment_clearance(free, np.stack([position, tip])).min() >= need:
-            return Manoeuvre(kind, "straight, no turn", place.position_w, time_s, way_w=np.stack([position, end]))
+            way = np.stack([position, end + sign * STRAIGHT_ON_M * ahead])
+            return Manoeuvre(kind, "straight, no turn", place.position_w, time_s, way_w=way, nudge_m=distance)
     return None
 
 
@@ -194,8 +258,11 @@ def finished(manoeuvre: Manoeuvre, place: Place, time_s: float, *, seen: bool) -
     if time_s - manoeuvre.start_s > LATEST_S + LATEST_S_M * manoeuvre.distance_m:
         return True
     if manoeuvre.kind == "look":
-        there = abs(wrap_angle(manoeuvre.heading_rad - place.heading_rad)) < np.deg2rad(12.0)
+        there = abs(wrap_angle(manoeuvre.heading_rad - place.heading_rad)) < manoeuvre.within_rad
         return there and seen
+    moved = float(np.hypot(*np.subtract(place.position_w, manoeuvre.start_w)))
+    if manoeuvre.nudge_m > 0.0:
+        return moved > max(manoeuvre.nudge_m - BRAKING_M, 0.5 * manoeuvre.nudge_m)
     end = manoeuvre.way_w[-1]
     left = float(np.hypot(place.position_w[0] - end[0], place.position_w[1] - end[1]))
     whole = float(np.hypot(manoeuvre.start_w[0] - end[0], manoeuvre.start_w[1] - end[1]))

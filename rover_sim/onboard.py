@@ -207,7 +207,7 @@ class OnboardComputer:
             places = [(float(x), float(y), here) for x, y in decision.waypoints_w[1:]]
             # A vehicle that cannot back up turns round and drives there: that needs more room, but leads out as well.
             items = backing_items if self._companion.reverses else mission_items
-            self._drive(items(places, self._local, self._home_w), time_s)
+            self._drive(items(places, self._local, self._home_w, decision.speed_m_s), time_s)
         elif decision.kind == "look":
             self._upload = None
             if not self._companion.status.armed:

@@ -14,6 +14,7 @@ from planner import mobility, navigator, trouble
 from planner.choice import turn_prices
 from planner.navigator_state import place_of
 from planner.obstacle_map import STEREO_DRIVE, DriveModel, belly_meets, distance_to, fence, judged, obstacles, passed_by
+from planner.recovery import NUDGE_M_S, STRAIGHT_ON_M
 from planner.room import PIT_WALLS
 from planner.terrain_map import STEREO_MEMORY, empty_memory, remember, rock_at
 from planner.track import NO_TRACK, STEP_M, note, way_back
@@ -104,9 +105,16 @@ def test_out_of_a_turn_in_vain_the_rover_goes_straight_as_far_as_there_is_room(r
         state, _ = navigator.step(state, look(world, np.array(pose), n, None), pose_at(*pose), float(n))
     turned = pose_at(2.0, 0.0, np.pi / 2)  # across the way in, between two rocks
     state = trouble.note_trouble(state, turned)
-    _, decision = navigator.step(state, None, turned, 40.0)
+    state, decision = navigator.step(state, None, turned, 40.0)
     assert decision.kind == "back_up"
-    np.testing.assert_allclose(decision.waypoints_w[-1], [2.0, -moved_m], atol=1e-9)
+    assert decision.speed_m_s == NUDGE_M_S
+    np.testing.assert_allclose(decision.waypoints_w[-1], [2.0, -moved_m - STRAIGHT_ON_M], atol=1e-9)
+    assert state.manoeuvre is not None
+    assert state.manoeuvre.nudge_m == moved_m
+    state, decision = navigator.step(state, None, pose_at(2.0, -0.4 * moved_m, np.pi / 2), 41.0)
+    assert decision.reason == "straight, no turn"
+    _, decision = navigator.step(state, None, pose_at(2.0, -0.95 * moved_m, np.pi / 2), 42.0)
+    assert decision.reason != "straight, no turn", "it ends where there is room, short of the end of its way"
 
 
 def test_where_a_turn_was_in_vain_turns_are_dear_and_nothing_ahead_is_to_blame() -> None:
@@ -150,7 +158,8 @@ def test_backing_out_that_did_nothing_is_not_tried_again() -> None:
     state, second = navigator.step(trouble.note_trouble(state, turned), None, turned, 42.0)
     assert (first.kind, second.kind) == ("back_up", "back_up")
     np.testing.assert_allclose(first.waypoints_w[-1, 1], 0.0, atol=0.05)  # along the way in
-    np.testing.assert_allclose(second.waypoints_w[-1], [2.0 - 1.2 * np.cos(0.5), -1.2 * np.sin(0.5)], atol=1e-9)
+    far_m = 1.2 + STRAIGHT_ON_M
+    np.testing.assert_allclose(second.waypoints_w[-1], [2.0 - far_m * np.cos(0.5), -far_m * np.sin(0.5)], atol=1e-9)
 
 
 @pytest.mark.parametrize(("slope_rad", "straight"), [(0.0, False), (0.2, True)])
@@ -166,7 +175,8 @@ def test_on_a_slope_a_rover_that_slid_round_backs_straight_down(slope_rad: float
     slid = leaning(2.0, 0.5, 20.5)
     _, decision = navigator.step(trouble.note_trouble(state, slid), None, slid, 20.5)
     assert decision.kind == "back_up"
-    end = [2.0 - 0.8 * np.cos(0.5), -0.8 * np.sin(0.5)] if straight else [decision.waypoints_w[-1, 0], 0.0]
+    far_m = 0.8 + STRAIGHT_ON_M
+    end = [2.0 - far_m * np.cos(0.5), -far_m * np.sin(0.5)] if straight else [decision.waypoints_w[-1, 0], 0.0]
     np.testing.assert_allclose(decision.waypoints_w[-1], end, atol=0.05)
 
 

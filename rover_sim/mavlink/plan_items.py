@@ -18,8 +18,11 @@ def mission_items(
     waypoints_w: Sequence[Vector3], frame: LocalFrame, home_w: Vector3, speed_m_s: float | None = None
 ) -> list[WireItem]:
     """Home, a speed if given, and the waypoints, all with heights above home."""
-    speed = [] if speed_m_s is None else [_command(mavlink.MAV_CMD_DO_CHANGE_SPEED, 1.0, speed_m_s, -1.0)]
-    return [home_item(frame, home_w), *speed, *(_waypoint(place, frame, home_w) for place in waypoints_w)]
+    return [
+        home_item(frame, home_w),
+        *_speed(speed_m_s),
+        *(_waypoint(place, frame, home_w) for place in waypoints_w),
+    ]
 
 
 def way_items(
@@ -35,10 +38,13 @@ def risky_speed(risk: float) -> float:
     return CRUISE_M_S * (1.0 - RISK_SLOWING * risk)
 
 
-def backing_items(places_w: Sequence[Vector3], frame: LocalFrame, home_w: Vector3) -> list[WireItem]:
-    """Back up through places behind the rover, then drive forwards again."""
+def backing_items(
+    places_w: Sequence[Vector3], frame: LocalFrame, home_w: Vector3, speed_m_s: float | None = None
+) -> list[WireItem]:
+    """Back up through places behind the rover, at a speed if given, then drive forwards again."""
     return [
         home_item(frame, home_w),
+        *_speed(speed_m_s),
         _command(mavlink.MAV_CMD_DO_SET_REVERSE, 1.0),
         *(_waypoint(place, frame, home_w) for place in places_w),
         _command(mavlink.MAV_CMD_DO_SET_REVERSE, 0.0),
@@ -63,6 +69,10 @@ def _waypoint(place_w: Vector3, frame: LocalFrame, home_w: Vector3) -> WireItem:
     above_home = _millimetres(place.altitude_m - frame.to_geo(home_w).altitude_m)
     relative = mavlink.MAV_FRAME_GLOBAL_RELATIVE_ALT
     return WireItem(relative, WAYPOINT, _NONE, place.latitude_e7, place.longitude_e7, above_home)
+
+
+def _speed(speed_m_s: float | None) -> list[WireItem]:
+    return [] if speed_m_s is None else [_command(mavlink.MAV_CMD_DO_CHANGE_SPEED, 1.0, speed_m_s, -1.0)]
 
 
 def _command(command: int, *parameters: float) -> WireItem:
