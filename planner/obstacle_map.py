@@ -71,7 +71,7 @@ STEREO_DRIVE = DriveModel(
     low_weight=1.2,
     belly_share=1.08,
     squeeze_doubt=0.5,
-    doubt_weight=90.0,
+    doubt_weight=180.0,
     height_error=1.4,
     far_doubt=0.65,
 )
