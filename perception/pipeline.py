@@ -30,7 +30,8 @@ from perception.rock_placement import View, place_rocks
 from perception.shadow_height import with_shadows
 from perception.sky import sky_mask
 from perception.soil_reference import SoilReference, even_light, soil_reference
-from perception.stereo import StereoView, depth_picture, measured_ground, on_measured, pixels_by_label, refined
+from perception.stereo import StereoView, depth_picture, measured_ground, on_measured, pixels_by_label
+from perception.stereo_rocks import refined
 from perception.terrain_class import classify
 from perception.window_features import WindowSource, window_features
 from worlds.types import BoolArray, ByteArray, FloatArray, Frame, IntArray, Observation, PerceivedRock

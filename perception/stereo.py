@@ -14,17 +14,14 @@ from itertools import pairwise
 
 import cv2
 import numpy as np
-from msgspec import structs
 
-from perception.camera import grid_rays_c, project
+from perception.camera import grid_rays_c
 from perception.fine_disparity import SingleArray, sharpened
-from perception.ground import ground_points, range_sd
 from perception.ground_planes import GroundPlanes, ground_planes
-from perception.knowledge_base import GroundKnowledge
 from perception.lens import distort
 from perception.rock_placement import View
 from worlds.geometry import rotation_from_quaternion
-from worlds.types import BoolArray, ByteArray, CameraModel, FloatArray, IntArray, PerceivedRock
+from worlds.types import BoolArray, ByteArray, CameraModel, FloatArray, IntArray
 
 DISPARITY_SD_PX, SHARED_SD_PX = 0.15, 0.08  # one sigma of a pixel alone, and of what all pixels share
 FORM_SD_M = 0.05  # of a rock's centre against its near face
@@ -32,16 +29,11 @@ _DISPARITIES = 64  # of the working picture; nearer than f B / 64 nothing is mea
 _BLOCK_PX = 5
 _OUTSIDE_PX = _BLOCK_PX // 2 + 1  # so near the rim of the second picture a partner is not seen whole
 _STEPS = 16.0  # of OpenCV's fixed point
-_FOOT_SHARE, _LEAST_PX = 0.35, 6  # of the rock's rows, from the bottom, that show its near face
 _AROUND_PX = (31, 9)  # of the picture whose ground is averaged
 _RIM_PX = 5  # about rocks: their depths spill over by half a block
 _LEAST_GROUND_PX = 40
 PLANES_M = 4.0  # farther ground is measured too badly for planes of its own
-_TOP_QUANTILE, _TOP_SD = 0.95, 0.03  # of a rock's points, its top; one sigma of what they miss, as a share
-_TOP_SD_PX = 0.15  # and of their disparity
-_PIECE_REACH_M = 3.5  # beyond it points that rise so are mostly mismatched
-_PIECE_SIGMAS = 2.0  # of the points' error, that they rise over the outline's height: it may be that of a piece
-_LEVEL_SD_M = 0.01  # between the ground beside a rock and under it
+LEVEL_SD_M = 0.01  # between the ground beside a rock and under it
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,7 +143,7 @@ def measured_ground(depth_m: FloatArray, labels: IntArray, hidden: BoolArray, ey
     height = np.where(count >= _LEAST_GROUND_PX, height, np.nan)
     disparity_sd = np.hypot(SHARED_SD_PX, DISPARITY_SD_PX / np.sqrt(np.maximum(count / _BLOCK_PX**2, 1.0)))
     believed = high / np.maximum(_fall(depth_m, eyes), 1e-3)
-    sd = np.hypot(_LEVEL_SD_M, disparity_sd * believed * high / eyes.focal_baseline)
+    sd = np.hypot(LEVEL_SD_M, disparity_sd * believed * high / eyes.focal_baseline)
     known = ground & np.isfinite(height)
     excess = (height[known] ** 2 - sd[known] ** 2) / (believed[known] ** 2 + high**2)
     slope = float(np.sqrt(max(float(excess.mean()), 0.0))) if len(excess) else np.inf
@@ -193,10 +185,10 @@ def point_heights(depth_m: FloatArray, eyes: StereoView) -> FloatArray:
 
 def disparity_sd_m(depth_m: FloatArray, eyes: StereoView) -> FloatArray:
     """One sigma (...,) in metres of the height of single points over the ground at depths (...,)."""
-    return np.asarray(np.hypot(SHARED_SD_PX, DISPARITY_SD_PX) * _height_a_px(depth_m, eyes))
+    return np.asarray(np.hypot(SHARED_SD_PX, DISPARITY_SD_PX) * height_a_px(depth_m, eyes))
 
 
-def _height_a_px(depth_m: FloatArray, eyes: StereoView) -> FloatArray:
+def height_a_px(depth_m: FloatArray, eyes: StereoView) -> FloatArray:
     """Metres of height over the ground (...,) for a pixel of disparity at depths (...,)."""
     return np.asarray(depth_m * eyes.view.height_m / eyes.focal_baseline)
 
@@ -224,92 +216,3 @@ def pixels_by_label(labels: IntArray, count: int) -> list[tuple[IntArray, IntArr
     bounds = np.searchsorted(found[order], np.arange(1, count + 2))
     rows, columns = (part[order].astype(np.int32) for part in np.divmod(places, labels.shape[1]))
     return [(rows[start:end], columns[start:end]) for start, end in pairwise(bounds.tolist())]
-
-
-def refined(
-    rock: PerceivedRock,
-    depth_m: FloatArray,
-    shown: tuple[IntArray, IntArray],
-    ground: MeasuredGround,
-    eyes: StereoView,
-    know: GroundKnowledge,
-) -> PerceivedRock:
-    """A placed rock moved along its line of sight, and of the height, that all that is known of it makes likeliest.
-
-    ``depth_m`` (H, W) and ``shown``, the rock's rows and columns (N,), are of the working picture. One picture knows a
-    rock but for its scale: at k times the distance everything about it is k times as large. The believed plane says
-    k = 1, the measured ground beside the rock and the depth of its own foot say others; they are averaged by their
-    variances, as is the height of its top over the ground with that of its outline.
-    """
-    rows, columns = shown
-    row, column = int(rows.max()), int(columns[rows >= rows.max() - 1].mean())
-    angle_sd = float(np.hypot(know.pixel_sd / eyes.view.camera.focal_px, np.deg2rad(know.attitude_sd_deg)))
-    plane_sd = range_sd(np.array(rock.range_m), eyes.view.height_m, angle_sd, _LEVEL_SD_M, ground.slope_sd)
-    told = [(1.0, min(rock.position_sd_m, float(plane_sd)) / rock.range_m)]
-    beside, beside_sd = float(ground.height_m[row, column]), float(ground.sd_m[row, column])
-    if np.isfinite(beside):
-        told.append((1.0 - beside / eyes.view.height_m, beside_sd / eyes.view.height_m))
-    told += _by_foot(rock, depth_m, rows, columns, eyes)
-    weight = np.array([sd**-2.0 for _, sd in told])
-    scale = float(np.array([k for k, _ in told]) @ weight / weight.sum())
-    sd = float(np.hypot(rock.range_m / np.sqrt(weight.sum()), FORM_SD_M))  # of base line and half depth they share it
-    moved = _scaled(rock, scale, eyes.view.pose.position_w, sd)
-    level = ground.planes.height_m(np.array(moved.position_w[:2]))
-    if not np.isfinite(level):
-        level = beside if np.isfinite(beside) else (1.0 - scale) * eyes.view.height_m
-    return _topped(moved, ground.over_m[shown] - level, depth_m[shown], eyes)
-
-
-def _by_foot(
-    rock: PerceivedRock, depth_m: FloatArray, rows: IntArray, columns: IntArray, eyes: StereoView
-) -> list[tuple[float, float]]:
-    """Scale, and one sigma, by the depth of a rock's foot; none where too little of it was matched."""
-    foot = rows >= rows.max() - _FOOT_SHARE * (rows.max() - rows.min() + 1)
-    depths = depth_m[rows[foot], columns[foot]]
-    depths = depths[np.isfinite(depths)]
-    believed = _ground_depth(eyes, float(columns[foot].mean()) + 0.5, float(rows.max()) + 1.0)
-    if len(depths) < _LEAST_PX or not believed > 0.0:
-        return []
-    seen = float(np.median(depths))
-    return [(seen / believed, eyes.place_sd(seen) / rock.range_m)]
-
-
-def _topped(rock: PerceivedRock, over_m: FloatArray, depth_m: FloatArray, eyes: StereoView) -> PerceivedRock:
-    """The rock with its height averaged by variance with what its points (N,) rise over the ground.
-
-    Points that rise clearly over what the outline tells count for more: the outline may be that of a piece, whose
-    breadth, and so height, is too small.
-    """
-    seen = np.isfinite(over_m)
-    if rock.cut or seen.sum() < _LEAST_PX or rock.height_sd_m <= 0.0:
-        return rock
-    top = float(np.quantile(over_m[seen], _TOP_QUANTILE))
-    depth, more = np.asarray(np.median(depth_m[seen])), top - rock.height_m
-    sd = np.hypot(_TOP_SD_PX * _height_a_px(depth, eyes), _TOP_SD * top)
-    piece = max(more - _PIECE_SIGMAS * float(sd), 0.0) if depth < _PIECE_REACH_M else 0.0
-    told_sd = np.hypot(rock.height_sd_m, piece)
-    trust = told_sd**2 / (told_sd**2 + sd**2)
-    height = rock.height_m + trust * more
-    return structs.replace(rock, height_m=float(height), height_sd_m=float(np.sqrt(trust) * sd))
-
-
-def _ground_depth(eyes: StereoView, column: float, row: float) -> float:
-    """Depth at which the ray of a working pixel meets the believed ground; NaN over the horizon."""
-    view = eyes.view
-    pixel = np.array([column * eyes.scale[0], row * eyes.scale[1]])
-    point = ground_points(view.camera, view.pose, view.plane, pixel)
-    return float(project(view.camera, view.pose, point)[1])
-
-
-def _scaled(rock: PerceivedRock, scale: float, eye_w: FloatArray, sd_m: float) -> PerceivedRock:
-    x, y, z = (eye_w + scale * (np.array(rock.position_w) - eye_w)).tolist()
-    return structs.replace(
-        rock,
-        position_w=(x, y, z),
-        length_m=rock.length_m * scale,
-        width_m=rock.width_m * scale,
-        height_m=rock.height_m * scale,
-        height_sd_m=rock.height_sd_m * scale,
-        range_m=rock.range_m * scale,
-        position_sd_m=sd_m,
-    )

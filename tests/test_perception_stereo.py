@@ -25,8 +25,8 @@ from perception.stereo import (
     measured_ground,
     on_measured,
     pixels_by_label,
-    refined,
 )
+from perception.stereo_rocks import refined
 from rover_sim.cli import main
 from rover_sim.learning.rendered_views import make_world, rendered_views
 from rover_sim.sim.renderer import make_renderer
