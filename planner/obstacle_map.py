@@ -70,8 +70,8 @@ STEREO_DRIVE = DriveModel(
     touching=0.0,
     low_weight=1.2,
     belly_share=1.08,
-    squeeze_doubt=0.5,
-    doubt_weight=180.0,
+    squeeze_doubt=0.3,
+    doubt_weight=120.0,
     height_error=1.4,
     far_doubt=0.65,
 )
