@@ -110,11 +110,14 @@ def step(
 
 def _backs_onto(state: NavigatorState, manoeuvre: Manoeuvre, place: Place) -> bool:
     """Whether a rover that backs out, as it points, would run onto a rock: beside its track one may lie anywhere."""
+    here = np.asarray(place.position_w)
     if manoeuvre.kind != "back_up":
         return False
+    if abs(wrap_angle(turn_onto(rest_of(manoeuvre.way_w, here), place) + np.pi)) > TURNING_RAD:
+        return False  # it turns on the spot first
     hard = passed_by(_table(state), state.models.drive, squeeze=True)
     rear = wrap_angle(place.heading_rad + np.pi)
-    return runs_onto(hard[hard[:, 6] > 0.5], np.asarray(place.position_w), rear, state.models.footprint)
+    return runs_onto(hard[hard[:, 6] > 0.5], here, rear, state.models.footprint)
 
 
 def _arrival_m(state: NavigatorState, estimate: PoseEstimate) -> float:

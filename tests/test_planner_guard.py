@@ -90,7 +90,7 @@ def test_backing_ends_before_a_rock_straight_behind(yaw_rad: float, *, goes_on: 
     world = DiscWorld.of([(3.2, 1.0, 0.2)])
     state = navigator.begin((10.0, 0.0), 0.5, FOOTPRINT, (0.0, 0.0))
     state, _ = navigator.step(state, look(world, np.zeros(3), 0.0, None), pose_at(0.0, 0.0, 0.0), 0.0)
-    way = np.array([[2.3, 1.0], [2.3, -1.0]])
+    way = np.array([[2.3, 1.0], [4.3, 1.0]])
     state = replace(state, way=None, manoeuvre=Manoeuvre("back_up", "back out", (2.3, 1.0), 1.0, way_w=way))
     _, decision = navigator.step(state, None, pose_at(2.3, 1.0, yaw_rad), 1.5)
-    assert (decision.reason == "back out") is goes_on, "the rock is 0.9 m to the east"
+    assert (decision.reason == "back out") is goes_on, "0.9 m to the east; facing it, it would turn first"
