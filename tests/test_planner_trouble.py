@@ -66,6 +66,17 @@ def test_far_rocks_are_hard_only_if_they_are_probably_too_high(height_m: float, 
     assert hard == [near, far]
 
 
+def test_a_rock_that_proved_too_high_from_near_stays_so_from_afar() -> None:
+    # Judged by the distance of now, one gap was driven up to and backed out of eleven times.
+    none, memory = np.empty((0, 0), dtype=np.str_), empty_memory(np.zeros(2))
+    for range_m, hard in ((2.0, False), (1.2, True)):
+        rock = structs.replace(rock_at((2.0, 0.0, 0.0), 0.3, 0.11, range_m=range_m), height_sd_m=0.01)
+        seen = Observation(2.0 - range_m, (rock,), none, np.zeros((0, 0, 2)), np.zeros((0, 2)))
+        memory = remember(memory, seen, np.array([2.0 - range_m, 0.0]))
+        afar = obstacles(memory.rocks, DriveModel(), CLIMB_M, place_w=np.array([-1.0, 0.0]))
+        assert bool(afar[0, 6] == 1.0) is hard
+
+
 def test_the_track_grows_by_steps_and_shrinks_where_it_is_backed_out_of() -> None:
     there = [(x, 0.0, 0.0) for x in np.arange(0.0, 2.01, 0.05)]
     track = driven(there)
