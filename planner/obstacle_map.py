@@ -40,7 +40,8 @@ class DriveModel:
     undecided: float = 1.35  # ... times or over which a rock stays what it was judged: each change makes a new way
     far_doubt: float = 0.5  # the same of a rock farther off than far_m: a nearer look will tell
     low_weight: float = 0.4  # in the hilly field of a rock as high as wheels climb; of lower ones by the square
-    doubt_weight: float = 30.0  # in the hilly field of a low rock that the belly would surely meet
+    doubt_weight: float = 30.0  # in the hilly field, times the odds that the belly meets a low rock ...
+    far_weight: float = 30.0  # ... and times the probability of a far one: a nearer look will tell
     sure_certainty: float = 0.35  # rocks less likely than this only cost
     touching: float = 1.1  # two rocks nearer than the sum of their radii times this are pieces of one; 0: none are
     sd_share: float = 0.5  # of a rock's position error added to its berth
@@ -58,6 +59,11 @@ class DriveModel:
         doubt: FloatArray = self.doubt_gap_m * np.clip((away_m - near) / (far - near), 0.0, 1.0)
         return doubt
 
+    def doubt_price(self, doubt: FloatArray) -> FloatArray:
+        """Weight in the hilly field of rocks that the belly meets with probabilities ``doubt``: by their odds."""
+        price: FloatArray = self.doubt_weight * doubt / np.maximum(1.0 - doubt, 0.1)
+        return price
+
     def need_m(self, footprint: Footprint, *, squeeze: bool = False) -> float:
         """Distance that the rover's centre line keeps from the edge of a hard rock."""
         return footprint.width_m / 2.0 + (self.squeeze_margin_m if squeeze else self.margin_m)
@@ -70,8 +76,8 @@ STEREO_DRIVE = DriveModel(
     touching=0.0,
     low_weight=1.2,
     belly_share=1.08,
-    squeeze_doubt=0.3,
-    doubt_weight=120.0,
+    squeeze_doubt=0.5,
+    doubt_weight=100.0,
     height_error=1.4,
     far_doubt=0.65,
 )
@@ -139,7 +145,8 @@ def obstacles(
     high = np.where(far, doubt > model.far_doubt, too_high(rocks, doubt, model))
     sure = _sure(rocks, model, far)
     hard = high & sure
-    low = model.low_weight * np.minimum(rocks.height_m / climb_height_m, 1.0) ** 2 + model.doubt_weight * doubt
+    price = np.where(far, model.far_weight * doubt, model.doubt_price(doubt))
+    low = model.low_weight * np.minimum(rocks.height_m / climb_height_m, 1.0) ** 2 + price
     tall = np.clip(rocks.height_m / 0.25, 0.4, 1.0)
     weight = rocks.certainty * np.where(hard, tall, np.where(high, model.unsure_weight * tall, low))
     radius = 0.5 * rocks.width_m + np.where(hard, _berth(rocks, model, climb_height_m, wheel_width_m), 0.0)
@@ -154,7 +161,7 @@ def passed_by(table: FloatArray, model: DriveModel, *, squeeze: bool) -> FloatAr
         return table
     doubtful = (table[:, 6] > 0.5) & (table[:, 6] < 1.0)
     passed = table.copy()
-    passed[doubtful, 5] = model.doubt_weight * (1.0 - table[doubtful, 6])
+    passed[doubtful, 5] = model.doubt_price(1.0 - table[doubtful, 6])
     passed[doubtful, 6] = 0.0
     return passed
 

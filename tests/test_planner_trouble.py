@@ -53,7 +53,9 @@ def test_a_narrow_way_may_lead_over_what_is_hardly_too_high_at_its_price() -> No
     assert 0.135 < doubt < 0.25
     table = obstacles(rocks, model, CLIMB_M, place_w=np.array([1.0, 0.0]))
     assert table[0, 6] == pytest.approx(1.0 - doubt)
-    np.testing.assert_allclose(passed_by(table, model, squeeze=True)[0, 5:], [model.doubt_weight * doubt, 0.0])
+    np.testing.assert_allclose(
+        passed_by(table, model, squeeze=True)[0, 5:], [model.doubt_weight * doubt / (1.0 - doubt), 0.0]
+    )
     surely = obstacles(rocks, DriveModel(), CLIMB_M, place_w=np.array([1.0, 0.0]))
     np.testing.assert_array_equal(passed_by(surely, DriveModel(), squeeze=True), surely)
 
