@@ -10,8 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from planner import navigator
+from planner.choice import Place
 from planner.guard import free_turn, runs_onto
-from planner.recovery import Manoeuvre
+from planner.recovery import Manoeuvre, _first_tight, _over_rock
 from tests.planner_factory import FOOTPRINT, DiscWorld, look, pose_at
 from worlds.types import FloatArray
 
@@ -94,3 +95,23 @@ def test_backing_ends_before_a_rock_straight_behind(yaw_rad: float, *, goes_on: 
     state = replace(state, way=None, manoeuvre=Manoeuvre("back_up", "back out", (2.3, 1.0), 1.0, way_w=way))
     _, decision = navigator.step(state, None, pose_at(2.3, 1.0, yaw_rad), 1.5)
     assert (decision.reason == "back out") is goes_on, "0.9 m to the east; facing it, it would turn first"
+
+
+def test_a_way_back_is_tight_where_a_rock_is_nearer_than_half_the_body() -> None:
+    poses = np.array([[2.0 - 0.1 * n, 0.0, 0.0] for n in range(21)])
+    place = Place((2.0, 0.0), 0.0, (10.0, 0.0), 0.5)
+    # The body is 0.8 m wide: 0.41 m from the middle to the rock's edge is room enough, 0.39 is not.
+    assert _first_tight(poses, rock(1.0, 0.51), place, BODY) == len(poses)
+    assert _first_tight(poses, rock(1.05, 0.49), place, BODY) in {9, 10}, "from the leg that passes it on"
+    beside = rock(2.0, 0.45)  # what it stands beside already it may leave
+    assert _first_tight(poses, beside, place, BODY) == len(poses)
+
+
+@pytest.mark.parametrize(("x_m", "y_m", "over"), [(0.4, 0.3, True), (0.6, 0.0, False), (0.0, 0.5, False)])
+def test_the_body_stands_over_doubtful_rocks_within_its_outline(x_m: float, y_m: float, *, over: bool) -> None:
+    doubtful = rock(x_m, y_m)
+    doubtful[:, 5:] = 5.0, 0.0  # not hard, but dear
+    pose = np.array([0.0, 0.0, 0.0])
+    assert _over_rock(pose, doubtful, BODY) is over
+    doubtful[:, 5] = 0.5
+    assert not _over_rock(pose, doubtful, BODY)
