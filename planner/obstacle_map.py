@@ -129,9 +129,9 @@ def obstacles(
 
     A hard rock that a narrow way may lead over has, instead of 1, one less the probability that the belly meets it.
 
-    Rocks that the belly would hardly meet may be driven over and cost by that probability. ``place_w`` (2,) is where
-    the rover stands: rocks that are far from it must be placed better and be high more surely to be hard; None: none
-    counts as far.
+    Rocks that the belly would hardly meet may be driven over and cost by the odds of it. ``place_w`` (2,) is where
+    the rover stands: rocks that are far from it, and were never seen from near, must be placed better and be high more
+    surely to be hard; None: none counts as far.
     """
     if len(rocks) == 0:
         return NO_OBSTACLES
