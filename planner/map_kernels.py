@@ -216,20 +216,28 @@ def cost_to_go(
     slack, share, most = bounds
     wide = cost.shape[1] + 2
     price, best = _rimmed(cost), _rimmed(seeds)
-    ahead = _steps_from(place, cost.shape, step)
     onward, queued = np.full(price.size, -1, dtype=np.int32), np.full(price.size, -1, dtype=np.int32)
-    links = np.full((price.size, 2), -1, dtype=np.int32)  # of a queued cell: the one before and after it in its bucket
+    # Of a queued cell: those before and after it in its bucket. Helpers that are handed these arrays would count
+    # references to them at each step, so the queue is written out.
+    before, after = np.empty(price.size, dtype=np.int32), np.empty(price.size, dtype=np.int32)
     heads = np.full(BUCKETS, -1, dtype=np.int32)
+    seeded = np.flatnonzero(best < np.inf)
+    ahead = np.array([_from_place(flat // wide - 1, flat % wide - 1, place, step) for flat in seeded])
     # Far goals make the least cost large: buckets begin there, as all that the last one holds is taken up in any order.
-    least = (best + ahead).min()
-    first = int(least / BUCKET_M) if np.isfinite(least) else 0
-    for flat in range(price.size):
-        if best[flat] < np.inf:
-            _queue(flat, best[flat] + ahead[flat], first, heads, links, queued)
-    steps = np.array([-wide - 1, -wide, -wide + 1, -1, 1, wide - 1, wide, wide + 1])
+    least = (best[seeded] + ahead).min() if len(seeded) > 0 else 0.0
+    first = int(least / BUCKET_M)
+    for n in range(len(seeded)):
+        flat, bucket = seeded[n], _bucket(best[seeded[n]] + ahead[n], first)
+        head = heads[bucket]
+        before[flat], after[flat], queued[flat] = -1, head, bucket
+        if head >= 0:
+            before[head] = flat
+        heads[bucket] = flat
+    across, along = (-1, -1, -1, 0, 0, 1, 1, 1), (-1, 0, 1, -1, 1, -1, 0, 1)
     # A diagonal step must not squeeze between two blocked corners; a straight one starts on free ground.
-    beside = np.array([[-wide, -1], [0, 0], [-wide, 1], [0, 0], [0, 0], [wide, -1], [0, 0], [wide, 1]])
-    length = 0.5 * step * np.where(beside[:, 0] == 0, 1.0, 1.4142135623730951)
+    beside = (-wide, 0, -wide, 0, 0, wide, 0, wide), (-1, 0, 1, 0, 0, -1, 0, 1)
+    straight, oblique = 0.5 * step, 0.5 * step * 1.4142135623730951
+    length = (oblique, straight, oblique, straight, straight, oblique, straight, oblique)
     goal = (place[0] + 1) * wide + place[1] + 1
     last = _bucket(most, first)
     for bucket in range(BUCKETS):
@@ -237,33 +245,44 @@ def cost_to_go(
             break
         while heads[bucket] >= 0:
             flat = heads[bucket]
-            _unqueue(flat, heads, links, queued)
+            following = after[flat]
+            heads[bucket], queued[flat] = following, -1
+            if following >= 0:
+                before[following] = -1
             value, own = best[flat], min(price[flat], 9.0)
             if flat == goal:
                 last = _bucket(min(value * (1.0 + share) + slack, most), first)
+            ix, iy = flat // wide - 1, flat % wide - 1
             for k in range(8):
-                to = flat + steps[k]
+                to = flat + across[k] * wide + along[k]
                 total = value + length[k] * (price[to] + own)
-                shut = price[flat + beside[k, 0]] == np.inf or price[flat + beside[k, 1]] == np.inf
-                if total >= best[to] or shut:
+                if total >= best[to] or price[flat + beside[0][k]] == np.inf or price[flat + beside[1][k]] == np.inf:
                     continue
                 best[to], onward[to] = total, flat
                 if queued[to] >= 0:
-                    _unqueue(to, heads, links, queued)
-                _queue(to, total + ahead[to], first, heads, links, queued)
+                    preceding, following = before[to], after[to]
+                    if preceding >= 0:
+                        after[preceding] = following
+                    else:
+                        heads[queued[to]] = following
+                    if following >= 0:
+                        before[following] = preceding
+                target = _bucket(total + _from_place(ix + across[k], iy + along[k], place, step), first)
+                head = heads[target]
+                before[to], after[to], queued[to] = -1, head, target
+                if head >= 0:
+                    before[head] = to
+                heads[target] = to
     return _without_rim(best, onward, cost.shape)
 
 
 @nb.njit(cache=True)
-def _steps_from(place: tuple[int, int], shape: tuple[int, int], step: float) -> FloatArray:
-    """Length of the shortest way over eight neighbours from a place to each cell, with a rim; 0 from nowhere."""
-    ahead = np.zeros((shape[0] + 2, shape[1] + 2))
-    if place[0] >= 0:
-        for ix in range(ahead.shape[0]):
-            for iy in range(ahead.shape[1]):
-                dx, dy = abs(ix - 1 - place[0]), abs(iy - 1 - place[1])
-                ahead[ix, iy] = step * (max(dx, dy) + 0.41421356 * min(dx, dy))
-    return ahead.ravel()
+def _from_place(ix: int, iy: int, place: tuple[int, int], step: float) -> float:
+    """Length of the shortest way over eight neighbours from a place to a cell; 0 from nowhere."""
+    if place[0] < 0:
+        return 0.0
+    dx, dy = abs(ix - place[0]), abs(iy - place[1])
+    return step * (max(dx, dy) + 0.41421356 * min(dx, dy))
 
 
 @nb.njit(cache=True)
@@ -291,25 +310,3 @@ def _without_rim(best: FloatArray, onward: IntArray, shape: tuple[int, int]) -> 
 @nb.njit(cache=True)
 def _bucket(value: float, first: int) -> int:
     return int(min(value / BUCKET_M - first, BUCKETS - 1.0))
-
-
-@nb.njit(cache=True)
-def _queue(flat: int, value: float, first: int, heads: IntArray, links: IntArray, queued: IntArray) -> None:
-    bucket = _bucket(value, first)
-    head = heads[bucket]
-    links[flat, 0], links[flat, 1] = -1, head
-    if head >= 0:
-        links[head, 0] = flat
-    heads[bucket], queued[flat] = flat, bucket
-
-
-@nb.njit(cache=True)
-def _unqueue(flat: int, heads: IntArray, links: IntArray, queued: IntArray) -> None:
-    before, after = links[flat, 0], links[flat, 1]
-    if before >= 0:
-        links[before, 1] = after
-    else:
-        heads[queued[flat]] = after
-    if after >= 0:
-        links[after, 0] = before
-    queued[flat] = -1
