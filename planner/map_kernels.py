@@ -216,64 +216,63 @@ def cost_to_go(
     slack, share, most = bounds
     wide = cost.shape[1] + 2
     price, best = _rimmed(cost), _rimmed(seeds)
-    onward, queued = np.full(price.size, -1, dtype=np.int32), np.full(price.size, -1, dtype=np.int32)
-    # Of a queued cell: those before and after it in its bucket. Helpers that are handed these arrays would count
-    # references to them at each step, so the queue is written out.
-    before, after = np.empty(price.size, dtype=np.int32), np.empty(price.size, dtype=np.int32)
-    heads = np.full(BUCKETS, -1, dtype=np.int32)
-    seeded = np.flatnonzero(best < np.inf)
-    ahead = np.array([_from_place(flat // wide - 1, flat % wide - 1, place, step) for flat in seeded])
-    # Far goals make the least cost large: buckets begin there, as all that the last one holds is taken up in any order.
-    least = (best[seeded] + ahead).min() if len(seeded) > 0 else 0.0
-    first = int(least / BUCKET_M)
-    for n in range(len(seeded)):
-        flat, bucket = seeded[n], _bucket(best[seeded[n]] + ahead[n], first)
-        head = heads[bucket]
-        before[flat], after[flat], queued[flat] = -1, head, bucket
-        if head >= 0:
-            before[head] = flat
-        heads[bucket] = flat
+    onward = np.full(price.size, -1, dtype=np.int32)
+    first, before, after = _queue_of_seeds(best, place, wide, step)
     across, along = (-1, -1, -1, 0, 0, 1, 1, 1), (-1, 0, 1, -1, 1, -1, 0, 1)
     # A diagonal step must not squeeze between two blocked corners; a straight one starts on free ground.
     beside = (-wide, 0, -wide, 0, 0, wide, 0, wide), (-1, 0, 1, 0, 0, -1, 0, 1)
     straight, oblique = 0.5 * step, 0.5 * step * 1.4142135623730951
     length = (oblique, straight, oblique, straight, straight, oblique, straight, oblique)
     goal = (place[0] + 1) * wide + place[1] + 1
-    last = _bucket(most, first)
-    for bucket in range(BUCKETS):
-        if bucket > last:
-            break
-        while heads[bucket] >= 0:
-            flat = heads[bucket]
-            following = after[flat]
-            heads[bucket], queued[flat] = following, -1
-            if following >= 0:
-                before[following] = -1
-            value, own = best[flat], min(price[flat], 9.0)
-            if flat == goal:
-                last = _bucket(min(value * (1.0 + share) + slack, most), first)
-            ix, iy = flat // wide - 1, flat % wide - 1
-            for k in range(8):
-                to = flat + across[k] * wide + along[k]
-                total = value + length[k] * (price[to] + own)
-                if total >= best[to] or price[flat + beside[0][k]] == np.inf or price[flat + beside[1][k]] == np.inf:
-                    continue
-                best[to], onward[to] = total, flat
-                if queued[to] >= 0:
-                    preceding, following = before[to], after[to]
-                    if preceding >= 0:
-                        after[preceding] = following
-                    else:
-                        heads[queued[to]] = following
-                    if following >= 0:
-                        before[following] = preceding
-                target = _bucket(total + _from_place(ix + across[k], iy + along[k], place, step), first)
-                head = heads[target]
-                before[to], after[to], queued[to] = -1, head, target
-                if head >= 0:
-                    before[head] = to
-                heads[target] = to
+    bucket, last = price.size, price.size + _bucket(most, first)
+    while bucket <= last:
+        flat = after[bucket]
+        if flat == bucket:  # nothing is left in it
+            bucket += 1
+            continue
+        # Written out, as below: a helper that is handed these arrays would count references to them at each step.
+        after[bucket], before[after[flat]], before[flat] = after[flat], bucket, -1
+        value, own = best[flat], min(price[flat], 9.0)
+        if flat == goal:
+            last = price.size + _bucket(min(value * (1.0 + share) + slack, most), first)
+        ix, iy = flat // wide - 1, flat % wide - 1
+        for k in range(8):
+            to = flat + across[k] * wide + along[k]
+            total = value + length[k] * (price[to] + own)
+            if total >= best[to] or price[flat + beside[0][k]] == np.inf or price[flat + beside[1][k]] == np.inf:
+                continue
+            best[to], onward[to] = total, flat
+            if before[to] >= 0:  # it waits already, farther back
+                after[before[to]], before[after[to]] = after[to], before[to]
+            target = price.size + _bucket(total + _from_place(ix + across[k], iy + along[k], place, step), first)
+            following = after[target]
+            after[target], before[following], before[to], after[to] = to, to, target, following
     return _without_rim(best, onward, cost.shape)
+
+
+@nb.njit(cache=True)
+def _queue_of_seeds(best: FloatArray, place: tuple[int, int], wide: int, step: float) -> tuple[int, IntArray, IntArray]:
+    """Number of the first bucket, and what is before and after each cell in its bucket, a ring that begins with it.
+
+    The buckets follow the cells in both arrays. What waits in no bucket has nothing, -1, before it.
+    """
+    before = np.full(best.size + BUCKETS, -1, dtype=np.int32)
+    after = np.arange(best.size + BUCKETS).astype(np.int32)
+    before[best.size :] = after[best.size :]
+    seeds = np.flatnonzero(best < np.inf)
+    if len(seeds) == 0:
+        return 0, before, after
+    values = np.empty(len(seeds))
+    for n in range(len(seeds)):
+        flat = int(seeds[n])
+        values[n] = best[flat] + _from_place(flat // wide - 1, flat % wide - 1, place, step)
+    # Far goals make the least cost large: buckets begin there, as all that the last one holds is taken up in any order.
+    first = int(values.min() / BUCKET_M)
+    for n in range(len(seeds)):
+        flat, bucket = int(seeds[n]), best.size + _bucket(values[n], first)
+        following = after[bucket]
+        after[bucket], before[following], before[flat], after[flat] = flat, flat, bucket, following
+    return first, before, after
 
 
 @nb.njit(cache=True)
