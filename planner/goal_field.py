@@ -10,8 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from planner.field_kernels import UNBOUNDED, Bounds, cost_to_go, metre_costs, seed_costs, values_at, way_onward
 from planner.ground_cells import GroundCells, nearest_views, sample_grid
-from planner.map_kernels import UNBOUNDED, Bounds, Layer, cost_to_go, metre_costs
+from planner.map_kernels import Layer
 from planner.obstacle_map import DriveModel, let_leave, near, obstacle_grid
 from worlds.types import FloatArray, IntArray
 
@@ -22,7 +23,6 @@ HILL_COST = 0.8
 NEAR_COST = 1.0
 ROUGH_COST = 0.4
 COUNT = round(2 * HALF_SIZE_M / STEP_M) + 1  # cells a side
-BORDER = np.argwhere(np.pad(np.zeros((COUNT - 2, COUNT - 2)), 1, constant_values=1.0))
 GAP_COST = 10.0  # of a metre through a far gap that seems too narrow by all that may be doubted
 
 
@@ -36,24 +36,15 @@ class GoalField:
 
     def at(self, places_w: FloatArray) -> FloatArray:
         """Cost at places (N, 2); inf outside the square."""
-        index = np.round((places_w - self.origin_w) / STEP_M).astype(np.int64)
-        inside = np.all((index >= 0) & (index < self.cost_m.shape), axis=-1)
-        index = np.where(inside[..., None], index, 0)
-        return np.where(inside, self.cost_m[index[..., 0], index[..., 1]], np.inf)
+        values: FloatArray = values_at(self.cost_m, self.origin_w, STEP_M, places_w)
+        return values
 
     def way(self, place_w: FloatArray, most_m: float) -> FloatArray:
         """Cells (N, 2) that lead from a place towards the goal, at most ``most_m`` long; empty if none does."""
-        ny = self.cost_m.shape[1]
-        ix, iy = (int(value) for value in np.round((place_w - self.origin_w) / STEP_M))
-        if not (0 <= ix < self.cost_m.shape[0] and 0 <= iy < ny and np.isfinite(self.cost_m[ix, iy])):
+        if not np.isfinite(self.at(place_w[None])[0]):
             return np.zeros((0, 2))
-        places, length = [(ix, iy)], 0.0
-        while length < most_m and self.onward[ix, iy] >= 0:
-            before = ix, iy
-            ix, iy = divmod(int(self.onward[ix, iy]), ny)
-            length += STEP_M * float(np.hypot(ix - before[0], iy - before[1]))
-            places.append((ix, iy))
-        return self.origin_w + STEP_M * np.array(places, dtype=float)
+        ix, iy = (int(value) for value in np.round((place_w - self.origin_w) / STEP_M))
+        return self.origin_w + STEP_M * way_onward(self.onward, (ix, iy), STEP_M, most_m)
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,19 +92,8 @@ def goal_field(
     cost, fresh = metre_costs(*layers, need_m, drive.comfort_m, gaps, prices)
     beyond = bool(np.any(np.abs(goal_w - place_w) > HALF_SIZE_M - STEP_M))
     within_m = max(0.7 * goal_radius_m, STEP_M)
-    cells = BORDER if beyond else _cells_about((goal_w - low) / STEP_M, within_m / STEP_M)
-    cells = cells[np.isfinite(cost[cells[:, 0], cells[:, 1]])]
-    distance = np.hypot(*(low + STEP_M * cells - goal_w).T)
-    seeds = np.full(shape, np.inf)
     # Beyond the square the way is unknown: it is charged as unseen ground.
-    seeds[cells[:, 0], cells[:, 1]] = fresh * distance if beyond else np.where(distance <= within_m, distance, np.inf)
+    seeds = seed_costs(cost, low, STEP_M, goal_w, within_m, fresh if beyond else 0.0)
     here = round((place_w[0] - low[0]) / STEP_M), round((place_w[1] - low[1]) / STEP_M)
     field, onward = cost_to_go(cost, seeds, STEP_M, here, bounds)
     return GoalField(low, field, onward)
-
-
-def _cells_about(middle: FloatArray, reach: float) -> IntArray:
-    """The cells (N, 2) of the square in a square about a place, in cells."""
-    low, high = np.floor(middle - reach).astype(int), np.ceil(middle + reach).astype(int)
-    x, y = (np.arange(max(first, 0), min(last + 1, COUNT)) for first, last in zip(low, high, strict=True))
-    return np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)

@@ -11,7 +11,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from planner.map_kernels import Layer, bring_in, least_clearance, rasterise
+from planner.map_kernels import Layer, bring_in, least_clearance, narrowed, rasterise, within
 from planner.memory_kernels import touching
 from planner.terrain_map import RockMemory
 from worlds.types import BoolArray, FloatArray, Footprint
@@ -245,8 +245,8 @@ def around(table: FloatArray, frame: Frame2, reach_m: float, need_m: float) -> F
 
 def near(table: FloatArray, place_w: FloatArray, radius_m: float) -> FloatArray:
     """The obstacles whose middle lies within ``radius_m``."""
-    middle = 0.5 * (table[:, 0:2] + table[:, 2:4])
-    close: FloatArray = table[((middle - place_w) ** 2).sum(axis=1) < radius_m**2]
+    x, y = place_w
+    close: FloatArray = within(np.ascontiguousarray(table), float(x), float(y), radius_m)
     return close
 
 
@@ -255,12 +255,9 @@ def let_leave(table: FloatArray, place: FloatArray, need_m: float) -> FloatArray
 
     ``place`` (2,) is in the frame of ``table``. The rover still may not come nearer to them than it is.
     """
-    if len(table) == 0:
-        return table
-    distance = distance_to(table, place)
-    short = np.maximum(need_m + 0.03 - distance, 0.0)
-    freed = table.copy()
-    freed[:, 4] -= np.where(table[:, 6] > 0.5, short, 0.0)  # a radius below zero is a berth narrower than the rover
+    x, y = place
+    # A radius below zero is a berth narrower than the rover.
+    freed: FloatArray = narrowed(np.ascontiguousarray(table), float(x), float(y), need_m + 0.03)
     return freed
 
 

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from planner import obstacle_map as om
 from planner import row_kernels as kernels
 from planner.choice import Models, Place, choose
+from planner.field_kernels import cost_to_go, metre_costs
 from planner.goal_field import STEP_M, GoalField, field_ground, goal_field
 from planner.ground_cells import (
     VIEW_ERROR,
@@ -21,7 +22,7 @@ from planner.ground_cells import (
     nearest_views,
     take_in,
 )
-from planner.map_kernels import Layer, cost_to_go, metre_costs
+from planner.map_kernels import Layer
 from planner.room import FREE, STEP_RAD, turn_range, turning
 from planner.row_search import RowSearch, Task, search
 from planner.terrain_map import RockMemory, empty_memory, remember, rock_at

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from planner.map_kernels import cost_to_go
+from planner.field_kernels import cost_to_go
 from planner.obstacle_map import obstacle_grid, segment_clearance
 from planner.route import CostMap, Route, cost_map, plan_route
 from planner.route_cost import HOLDS_UP, slope_costs
