@@ -8,7 +8,7 @@ import numpy as np
 
 from planner.ground_cells import GroundCells, sample
 from planner.obstacle_map import Frame2, in_frame, near
-from planner.room_kernels import free_turns, swept_heights
+from planner.room_kernels import free_turns, heights_met, holding, swept_heights
 from planner.terrain_map import RockMemory
 from worlds.types import FloatArray, Footprint
 
@@ -33,9 +33,7 @@ class Turning:
 
     def heights(self, turns_rad: FloatArray) -> FloatArray:
         """What turns (N,), left positive, would meet."""
-        angles = STEP_RAD * np.arange(self.met.shape[1])
-        right, left = (np.interp(np.abs(turns_rad), angles, side) for side in self.met)
-        heights: FloatArray = np.where(turns_rad < 0.0, right, left)
+        heights: FloatArray = heights_met(self.met, STEP_RAD, turns_rad)
         return heights
 
     def reach(self, most: float) -> tuple[float, float]:
@@ -87,14 +85,11 @@ def turning(
     steps = STEP_RAD * np.arange(FREE.met.shape[1])
     in_pits = (np.hypot(*(dug_w - place_w).T) < DUG_M).any()
     pits = PIT_WALLS * np.minimum(steps / HELD_RAD, 1.0) if in_pits else np.zeros(len(steps))
-    holding = (np.hypot(*(rocks.centre_w - place_w).T) < HOLDS_M) & (rocks.height_m > ROLLED_OVER_M)
-    holding = np.flatnonzero(holding & (rocks.log_odds > SURE_LOG_ODDS))
-    if not len(holding):
+    place, sizes = (float(place_w[0]), float(place_w[1])), (rocks.length_m, rocks.width_m, rocks.height_m)
+    limits = HOLDS_M, ROLLED_OVER_M, SURE_LOG_ODDS
+    shape = holding(rocks.centre_w, sizes, rocks.yaw_rad, rocks.log_odds, place, limits)
+    if not len(shape):
         return Turning(np.stack([pits, pits]))
-    height, width = rocks.height_m[holding], rocks.width_m[holding]
-    half = 0.5 * np.maximum(rocks.length_m[holding] - width, 0.0)
-    away, yaw = rocks.centre_w[holding] - place_w, rocks.yaw_rad[holding]
-    shape = np.column_stack([away, half * np.cos(yaw), half * np.sin(yaw), 0.5 * width, height])
     wheels = (
         0.5 * footprint.wheelbase_m,
         0.5 * footprint.track_m,

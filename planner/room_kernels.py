@@ -91,3 +91,47 @@ def touched(rock: FloatArray, heading: float, wheels: tuple[float, float, float,
         if hypot(out_x, out_y) < rock[4]:
             return True
     return False
+
+
+@nb.njit(cache=True)
+def heights_met(met: FloatArray, step: float, turns: FloatArray) -> FloatArray:
+    """What turns (N,), left positive, meet, between the values (2, K) at 0, 1, .. steps to the right and left."""
+    heights = np.empty(len(turns))
+    last = met.shape[1] - 1
+    for n in range(len(turns)):
+        side, angle = met[0 if turns[n] < 0.0 else 1], abs(turns[n])
+        k = min(int(angle / step), last)
+        if step * k > angle:  # rounded up
+            k -= 1
+        elif k < last and step * (k + 1) <= angle:
+            k += 1
+        heights[n] = side[k]
+        if k < last:
+            heights[n] += (side[k + 1] - side[k]) / (step * (k + 1) - step * k) * (angle - step * k)
+    return heights
+
+
+@nb.njit(cache=True)
+def holding(
+    centre: FloatArray,
+    sizes: tuple[FloatArray, FloatArray, FloatArray],
+    yaw: FloatArray,
+    log_odds: FloatArray,
+    place: tuple[float, float],
+    limits: tuple[float, float, float],
+) -> FloatArray:
+    """Rocks about a place as `swept_heights` takes them, (M, 6).
+
+    ``sizes``: lengths, widths and heights of N rocks; ``limits``: how near, high and likely they must be.
+    """
+    length, width, height = sizes
+    shape = np.empty((len(yaw), 6))
+    count = 0
+    for n in range(len(yaw)):
+        x, y = centre[n, 0] - place[0], centre[n, 1] - place[1]
+        if hypot(x, y) < limits[0] and height[n] > limits[1] and log_odds[n] > limits[2]:
+            row, half = shape[count], 0.5 * max(length[n] - width[n], 0.0)
+            row[0], row[1], row[2], row[3] = x, y, half * cos(yaw[n]), half * sin(yaw[n])
+            row[4], row[5] = 0.5 * width[n], height[n]
+            count += 1
+    return shape[:count]

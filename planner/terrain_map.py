@@ -9,7 +9,7 @@ Association: nearest neighbour inside a chi-square gate (Bar-Shalom and Fortmann
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -60,7 +60,14 @@ class RockMemory:
 
     def select(self, index: Index | BoolArray | slice) -> RockMemory:
         """The rocks of a mask, of indices or of a slice."""
-        return RockMemory(*(getattr(self, part.name)[index] for part in fields(self)))
+        if isinstance(index, np.ndarray) and index.dtype == bool:
+            index = np.flatnonzero(index)  # once instead of for each column
+        return RockMemory(*(column[index] for column in self.columns))
+
+    @property
+    def columns(self) -> tuple[FloatArray, ...]:
+        """The arrays, in order."""
+        return tuple(vars(self).values())
 
 
 @dataclass(frozen=True)
@@ -283,17 +290,13 @@ def _cap(rocks: RockMemory, viewpoint_w: FloatArray, model: MemoryModel) -> Rock
 
 
 def _join(first: RockMemory, second: RockMemory) -> RockMemory:
-    return RockMemory(
-        *(np.concatenate([getattr(first, part.name), getattr(second, part.name)]) for part in fields(first))
-    )
+    return RockMemory(*(np.concatenate(pair) for pair in zip(first.columns, second.columns, strict=True)))
 
 
 def _put(rocks: RockMemory, index: Index, new: RockMemory) -> RockMemory:
-    columns = []
-    for part in fields(rocks):
-        column = getattr(rocks, part.name).copy()
-        column[index] = getattr(new, part.name)
-        columns.append(column)
+    columns = tuple(column.copy() for column in rocks.columns)
+    for column, values in zip(columns, new.columns, strict=True):
+        column[index] = values
     return RockMemory(*columns)
 
 
