@@ -8,19 +8,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import partial
-from itertools import pairwise
 
 import numpy as np
 
 from planner.goal_field import STEP_M, FieldGround, GoalField, field_ground, goal_field
 from planner.ground_cells import sample
+from planner.map_kernels import at_places, densely
 from planner.obstacle_map import (
     MAX_CLEARANCE_M,
     DriveModel,
     Frame2,
     let_leave,
     near,
-    obstacle_grid,
     passed_by,
     segment_clearance,
 )
@@ -148,17 +147,15 @@ def way_cost(
     """
     points = dense(waypoints_w, 0.25)
     low, high = points.min(axis=0) - 0.1, points.max(axis=0) + 0.1
-    shape = (max(2, int(np.ceil((high[0] - low[0]) / 0.15))), max(2, int(np.ceil((high[1] - low[1]) / 0.15))))
-    grid = obstacle_grid(table_w, (low[0], high[0]), (low[1], high[1]), shape)
-    index = np.round((points - low) / [grid.step_x_m, grid.step_y_m]).astype(np.int64)
-    index = np.clip(index, 0, np.array(shape) - 1)
+    count = np.maximum(np.ceil((high - low) / STEP_M), 2.0)  # places are told apart as finely as in the goal field
+    step = (high - low) / (count - 1.0)
+    nodes = low + step * np.clip(np.round((points - low) / step), 0.0, count - 1.0)
+    clearance, hill = at_places(table_w, nodes, MAX_CLEARANCE_M)
     need = models.drive.need_m(models.footprint)
-    close = np.clip(
-        (need + models.drive.comfort_m - grid.clearance_m[index[:, 0], index[:, 1]]) / models.drive.comfort_m, 0, 1
-    )
+    close = np.clip((need + models.drive.comfort_m - clearance) / models.drive.comfort_m, 0, 1)
     seen, rough = sample(memory.cells, points)
     rows = models.rows
-    metre = 1.0 + rows.hill_cost * grid.hill[index[:, 0], index[:, 1]] + rows.near_cost * close**2
+    metre = 1.0 + rows.hill_cost * hill + rows.near_cost * close**2
     metre += rows.rough_cost * rough + rows.unseen_cost * ~seen
     length = float(np.linalg.norm(np.diff(waypoints_w, axis=0), axis=1).sum())
     end = waypoints_w[-1]
@@ -187,11 +184,8 @@ def turn_onto(way_w: FloatArray, place: Place) -> float:
 
 def dense(waypoints_w: FloatArray, spacing_m: float) -> FloatArray:
     """The polyline with points at most ``spacing_m`` apart."""
-    pieces = []
-    for start, end in pairwise(waypoints_w):
-        count = max(1, int(np.ceil(np.linalg.norm(end - start) / spacing_m)))
-        pieces.append(start + (end - start) * (np.arange(count) / count)[:, None])
-    return np.concatenate([*pieces, waypoints_w[-1:]])
+    points: FloatArray = densely(np.ascontiguousarray(waypoints_w, dtype=np.float64), spacing_m)
+    return points
 
 
 def score(candidates: tuple[Candidate, ...], scene: Scene, *, squeeze: bool) -> FloatArray:

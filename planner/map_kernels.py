@@ -67,6 +67,41 @@ def rasterise(
 
 
 @nb.njit(cache=True)
+def at_places(table: FloatArray, places: FloatArray, most: float) -> tuple[Layer, Layer]:
+    """Clearance (N,), at most ``most``, and hilly field (N,) at places (N, 2): what `rasterise` has for its cells."""
+    clearance, hill = np.full(len(places), np.float32(most)), np.zeros(len(places), dtype=np.float32)
+    for n in range(table.shape[0]):
+        ax, ay, bx, by, radius, weight, hard = table[n]
+        fall = HILL_REACH_M if hard > 0.5 else SOFT_REACH_M
+        reach = max(radius, 0.0) + (max(most, fall) if hard > 0.5 else fall)
+        for k in range(len(places)):
+            x, y = places[k, 0], places[k, 1]
+            if max(min(ax, bx) - x, x - max(ax, bx), min(ay, by) - y, y - max(ay, by)) > reach:
+                continue
+            edge = gap(ax, ay, bx, by, x, y) - radius
+            slope = max(1.0 - max(edge, 0.0) / fall, 0.0)
+            hill[k] += np.float32(weight * slope * slope)
+            if hard > 0.5:
+                clearance[k] = min(clearance[k], np.float32(edge))
+    return clearance, hill
+
+
+@nb.njit(cache=True)
+def densely(path: FloatArray, spacing: float) -> FloatArray:
+    """The path (N, 2), N >= 1, with points at most ``spacing`` apart."""
+    steps = path[1:] - path[:-1]
+    counts = np.maximum(1.0, np.ceil(np.sqrt(steps[:, 0] ** 2 + steps[:, 1] ** 2) / spacing))
+    points = np.empty((int(counts.sum()) + 1, 2))
+    at = 0
+    for n in range(len(steps)):
+        for k in range(int(counts[n])):
+            points[at] = path[n] + steps[n] * (k / counts[n])
+            at += 1
+    points[at] = path[-1]
+    return points
+
+
+@nb.njit(cache=True)
 def least_clearance(table: FloatArray, path: FloatArray, most: float) -> FloatArray:
     """Smallest distance of each path segment (N - 1,) to any obstacle's edge, at most ``most``."""
     count = path.shape[0] - 1
