@@ -28,18 +28,19 @@ def seed_costs(
     """
     nx, ny = cost.shape
     seeds = np.full((nx, ny), np.inf)
+    beyond = beyond_price > 0.0
     for i in range(nx):
         x = low[0] + step * i - goal[0]
-        if beyond_price == 0.0 and abs(x) > within:
+        if not beyond and abs(x) > within:
             continue
-        for j in range(ny):
+        inner = beyond and 0 < i < nx - 1
+        for j in range(0, ny, ny - 1 if inner else 1):
             y = low[1] + step * j - goal[1]
-            if (beyond_price == 0.0 and abs(y) > within) or cost[i, j] == np.inf:
+            if cost[i, j] == np.inf or (not beyond and abs(y) > within):
                 continue
             distance = hypot(x, y)
-            if beyond_price > 0.0:
-                if i == 0 or j == 0 or i == nx - 1 or j == ny - 1:
-                    seeds[i, j] = beyond_price * distance
+            if beyond:
+                seeds[i, j] = beyond_price * distance
             elif distance <= within:
                 seeds[i, j] = distance
     return seeds

@@ -192,13 +192,8 @@ def recentre(cells: GroundCells, place_w: FloatArray) -> GroundCells:
 
 def inside_polygon(outline: FloatArray, points: FloatArray) -> BoolArray:
     """Which points (N, 2) lie inside a polygon (M, 2): even-odd rule."""
-    following = np.roll(outline, -1, axis=0)
-    x, y = points[:, 0, None], points[:, 1, None]
-    straddles = (outline[:, 1] > y) != (following[:, 1] > y)
-    rise = following[:, 1] - outline[:, 1]
-    crossing = outline[:, 0] + (y - outline[:, 1]) * (following[:, 0] - outline[:, 0]) / np.where(rise == 0, 1.0, rise)
-    hits: BoolArray = np.sum(straddles & (x < crossing), axis=1) % 2 == 1
-    return hits
+    inside: BoolArray = kernels.inside_polygon(np.ascontiguousarray(outline), np.ascontiguousarray(points))
+    return inside
 
 
 def _write(cells: GroundCells, view: View) -> None:

@@ -8,7 +8,7 @@ import numba as nb
 import numpy as np
 from numpy.typing import NDArray
 
-from worlds.types import ByteArray, FloatArray
+from worlds.types import BoolArray, ByteArray, FloatArray
 
 Layer = NDArray[np.float32]
 
@@ -154,3 +154,17 @@ def nearest_views(
                 now = min(now, max(sqrt(variance[row, column]) - errors[0], 0.0) / errors[1])
             away[i, j] = now
     return away
+
+
+@nb.njit(cache=True)
+def inside_polygon(outline: FloatArray, points: FloatArray) -> BoolArray:
+    """Which points (N, 2) lie inside a polygon (M, 2): even-odd rule."""
+    inside = np.zeros(len(points), dtype=np.bool_)
+    for n in range(len(points)):
+        x, y = points[n, 0], points[n, 1]
+        for m in range(len(outline)):
+            ax, ay = outline[m, 0], outline[m, 1]
+            bx, by = outline[(m + 1) % len(outline), 0], outline[(m + 1) % len(outline), 1]
+            if (ay > y) != (by > y) and x < ax + (y - ay) * (bx - ax) / (by - ay):
+                inside[n] = not inside[n]
+    return inside

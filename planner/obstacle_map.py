@@ -93,15 +93,17 @@ class Frame2:
     def to_local(self, points_w: FloatArray) -> FloatArray:
         """Local coordinates of world points (..., 2)."""
         sin, cos = np.sin(self.heading_rad), np.cos(self.heading_rad)
-        x, y = np.moveaxis(points_w - np.asarray(self.origin_w), -1, 0)
-        turned: FloatArray = np.stack([x * cos + y * sin, y * cos - x * sin], axis=-1)
+        x, y = points_w[..., 0] - self.origin_w[0], points_w[..., 1] - self.origin_w[1]
+        turned: FloatArray = np.empty(np.shape(points_w))
+        turned[..., 0], turned[..., 1] = x * cos + y * sin, y * cos - x * sin
         return turned
 
     def to_world(self, points: FloatArray) -> FloatArray:
         """World coordinates of local points (..., 2)."""
         sin, cos = np.sin(self.heading_rad), np.cos(self.heading_rad)
-        x, y = np.moveaxis(points, -1, 0)
-        turned: FloatArray = np.stack([x * cos - y * sin, x * sin + y * cos], axis=-1) + np.asarray(self.origin_w)
+        x, y = points[..., 0], points[..., 1]
+        turned: FloatArray = np.empty(np.shape(points))
+        turned[..., 0], turned[..., 1] = x * cos - y * sin + self.origin_w[0], x * sin + y * cos + self.origin_w[1]
         return turned
 
 
