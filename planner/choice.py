@@ -55,6 +55,7 @@ class Place:
     speed_m_s: float = 0.0
     downhill_w: tuple[float, float] = (0.0, 0.0)  # of the general slope, rise over run
     turning: Turning = FREE  # what wheels would meet in turns on the spot
+    nose_down_deg: float = 0.0  # as it stands, rocks under its wheels included
 
 
 @dataclass(frozen=True)

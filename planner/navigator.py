@@ -8,6 +8,7 @@ import numpy as np
 
 from planner.choice import Choice, Models, Place, choose, dense, turn_onto, turn_price, way_cost
 from planner.corridor import Corridor, choose_way, corridor
+from planner.downhill import way_down
 from planner.first_bend import begin_with_bend
 from planner.ground_cells import driven_view, sample
 from planner.guard import runs_onto
@@ -309,7 +310,12 @@ def _bent(state: NavigatorState, fresh: Decision, table: FloatArray, place: Plac
 def _recover(
     state: NavigatorState, choice: Choice | None, table: FloatArray, place: Place, time_s: float
 ) -> tuple[NavigatorState, Decision]:
-    """The next rung of the ladder: look to a side, back out, and at its end give up."""
+    """Down a slope that it could not back up; else the next rung of the ladder, and at its end give up."""
+    rocks = _table(replace(state, forbidden=NO_OBSTACLES, avoid_w=state.avoid_w[:0]))  # it stands on what is too steep
+    down = way_down(state.memory, rocks, place, state.models, state.ladder, time_s)
+    if down is not None:
+        ladder = replace(state.ladder, back_first=False, tried_w=place.position_w)
+        return replace(state, way=None, ladder=ladder, detour=True, manoeuvre=down), _as_decision(down)
     manoeuvre, ladder = next_manoeuvre(
         state.ladder, state.memory, table, state.track_w, place, state.models.footprint, time_s
     )

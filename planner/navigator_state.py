@@ -15,7 +15,7 @@ from planner.room import NOT_DUG, turning
 from planner.row_search import Candidate
 from planner.terrain_map import MemoryModel, TerrainMemory
 from planner.track import NO_TRACK
-from worlds.geometry import euler_from_quaternion
+from worlds.geometry import euler_from_quaternion, rotation_from_quaternion
 from worlds.types import FloatArray, PoseEstimate
 
 Kind = Literal["drive", "look", "back_up", "arrived", "no_path", "lost"]
@@ -97,4 +97,5 @@ def place_of(state: NavigatorState, estimate: PoseEstimate) -> Place:
     slope_deg, speed = float(np.rad2deg(state.slope_rad)), float(np.linalg.norm(estimate.velocity_w[:2]))
     bold, downhill = state.ladder.bold, state.downhill_w
     held = turning(state.memory.rocks, estimate.pose.position_w[:2], yaw, state.models.footprint, state.dug_w)
-    return Place((x, y), yaw, state.goal_w, state.goal_radius_m, slope_deg, bold, speed, downhill, held)
+    down_deg = -float(np.rad2deg(np.arcsin(np.clip(rotation_from_quaternion(estimate.pose.quaternion_w)[2, 0], -1, 1))))
+    return Place((x, y), yaw, state.goal_w, state.goal_radius_m, slope_deg, bold, speed, downhill, held, down_deg)
