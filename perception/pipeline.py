@@ -6,11 +6,10 @@ grid of the windows. Steps 9 and 10, the paths, belong to the planner.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import cv2
-import msgspec
 import numpy as np
 from msgspec import structs
 from numpy.typing import NDArray
@@ -19,22 +18,21 @@ from perception.binarize import Binarized, SingleArray, clean, rock_mask, rock_s
 from perception.blobs import Blobs, find_blobs, select
 from perception.class_definition import WINDOW_PX
 from perception.clasts import clast_chance, redness
-from perception.depth_rocks import filled_out, placed_blobs, standing_blobs
 from perception.ground import beyond_horizon, footprint, window_centres, window_ranges
 from perception.knowledge_base import Knowledge, load_knowledge
-from perception.rejoining import rejoined
+from perception.perceived import ImageRock, Perception, image_rocks
 from perception.rock_classifier import blob_features, rock_certainty
-from perception.rock_geometry import RockOutlines, outlines
+from perception.rock_geometry import outlines
 from perception.rock_parting import part_rocks
 from perception.rock_placement import View, place_rocks
 from perception.shadow_height import with_shadows
 from perception.sky import sky_mask
 from perception.soil_reference import SoilReference, even_light, soil_reference
-from perception.stereo import StereoView, depth_picture, measured_ground, on_measured, pixels_by_label
-from perception.stereo_rocks import refined
+from perception.stereo import StereoView, depth_picture
 from perception.terrain_class import classify
+from perception.two_eyes import with_second_eye, with_whole_rocks
 from perception.window_features import WindowSource, window_features
-from worlds.types import BoolArray, ByteArray, FloatArray, Frame, IntArray, Observation, PerceivedRock
+from worlds.types import BoolArray, ByteArray, FloatArray, Frame, Observation
 
 __all__ = ["ImageRock", "Knowledge", "Perception", "View", "examine", "load_knowledge", "on_ground", "perceive"]
 
@@ -45,38 +43,6 @@ _BLACK = 2  # grey levels up to which a pixel is missing data
 # glibc gives each large block back to the system when it is freed, until one larger still was; new ones then come page
 # by page, a thousand faults a frame. From here on it keeps what a frame needs, up to twice as much (mallopt(3)).
 np.empty(16 << 20, dtype=np.uint8)
-
-
-class ImageRock(msgspec.Struct, frozen=True):
-    """A rock as it lies in the working picture; pixel centres at +0.5, angles counter-clockwise as seen."""
-
-    id: int  # its value in `Perception.labels`
-    centroid_px: tuple[float, float]  # column, row
-    bbox_px: tuple[int, int, int, int]  # x, y, width, height
-    area_px: int
-    certainty: float  # 0..1
-    formation: int  # 0..9
-    axis_rad: float  # of the first principal axis, in [0, pi)
-    length_px: float  # along it
-    sections_px: tuple[float, ...]  # A0..A8 across it
-    touches_border: bool
-    placed: PerceivedRock | None = None  # on the ground; None without a camera pose or out of range
-
-
-@dataclass(frozen=True, eq=False)
-class Perception:
-    """What one picture shows, in pixels of the working picture."""
-
-    scale: tuple[float, float]  # input pixels per working pixel, across and down
-    score: SingleArray  # (240, 320) rock evidence 0..1
-    mask: BoolArray  # (240, 320) accepted rock
-    labels: IntArray  # (240, 320) rock id, 0 = none
-    hidden: BoolArray  # (240, 320) sky, beyond the horizon, or no data
-    rocks: tuple[ImageRock, ...]
-    outlines: RockOutlines  # of the rocks, in their order
-    classes: NDArray[np.str_]  # (12, 16) letters of TerrainClass, top row first
-    windows: WindowSource  # what their features are measured on
-    observation: Observation | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,7 +97,7 @@ def examine(
     )  # fmt: skip
     features = window_features(windows, knowledge.terrain_rules.input_names)
     classes = classify(features, knowledge.terrain_rules, knowledge.terrain.min_certainty)
-    rocks = _image_rocks(blobs, shape, certainty)
+    rocks = image_rocks(blobs, shape, certainty)
     mask = blobs.labels > 0
     return Perception(scale, found.score, mask, blobs.labels, ready.hidden, rocks, shape, classes, windows, None)
 
@@ -200,52 +166,6 @@ def by_two_eyes(
     return with_second_eye(placed, depth, eyes, knowledge)
 
 
-def with_whole_rocks(found: Perception, depth_m: FloatArray, eyes: StereoView, knowledge: Knowledge) -> Perception:
-    """The same with parts of one rock, by the depths (H, W), put together; a rock is as certain as its surest part."""
-    labels = filled_out(found.labels, depth_m, found.hidden, eyes)
-    blobs, owner = rejoined(labels, len(found.rocks), depth_m)
-    certainty = np.zeros(len(blobs))
-    np.maximum.at(certainty, owner[: len(found.rocks)], [rock.certainty for rock in found.rocks])
-    shape = outlines(blobs, knowledge.rock.round_ratio)
-    rocks = _image_rocks(blobs, shape, certainty)
-    return replace(found, labels=blobs.labels, mask=blobs.labels > 0, rocks=rocks, outlines=shape)
-
-
-def with_second_eye(found: Perception, depth_m: FloatArray, eyes: StereoView, knowledge: Knowledge) -> Perception:
-    """The same with its placed rocks moved to where the depths (H, W) of a second camera say."""
-    assert found.observation is not None
-    ground = measured_ground(depth_m, found.labels, found.hidden, eyes)
-    shown = pixels_by_label(found.labels, len(found.rocks))
-    rocks = tuple(
-        structs.replace(rock, placed=refined(rock.placed, depth_m, shown[rock.id - 1], ground, eyes, knowledge.ground))
-        if rock.placed
-        else rock
-        for rock in found.rocks
-    )
-    observed = replace(found.observation, class_centre_w=on_measured(found.observation.class_centre_w, ground, eyes))
-    return with_standing(replace(found, rocks=rocks, observation=observed), depth_m, eyes, knowledge)
-
-
-def with_standing(found: Perception, depth_m: FloatArray, eyes: StereoView, knowledge: Knowledge) -> Perception:
-    """The same with what stands out of the ground by depth alone as further rocks, after those of texture."""
-    assert found.observation is not None
-    blobs, height = standing_blobs(depth_m, found.labels, found.hidden, eyes)
-    shape = outlines(blobs, knowledge.rock.round_ratio)
-    placed = placed_blobs(blobs, shape, depth_m, height, eyes)
-    more = _image_rocks(blobs, shape, np.array([rock.certainty for rock in placed]))
-    first = len(found.rocks)
-    rocks = (
-        *found.rocks,
-        *(structs.replace(rock, id=first + rock.id, placed=place) for rock, place in zip(more, placed, strict=True)),
-    )
-    labels = np.where(blobs.labels > 0, blobs.labels + np.int32(first), found.labels).astype(np.int32)
-    joined = RockOutlines(
-        **{f.name: np.concatenate([getattr(found.outlines, f.name), getattr(shape, f.name)]) for f in fields(shape)}
-    )
-    observed = replace(found.observation, rocks=tuple(rock.placed for rock in rocks if rock.placed is not None))
-    return replace(found, rocks=rocks, labels=labels, mask=labels > 0, outlines=joined, observation=observed)
-
-
 def working_picture(image: ByteArray) -> ByteArray:
     """``image``, grey (H, W) or RGB (H, W, 3), at the working size."""
     if (image.shape[1], image.shape[0]) == WORKING_SIZE_PX:
@@ -310,22 +230,3 @@ def _ranges(view: View | None) -> FloatArray | None:
         return None
     shape = (WORKING_SIZE_PX[1] // WINDOW_PX, WORKING_SIZE_PX[0] // WINDOW_PX)
     return window_ranges(view.camera, view.pose, view.plane, shape)
-
-
-def _image_rocks(blobs: Blobs, shape: RockOutlines, certainty: NDArray[np.float64]) -> tuple[ImageRock, ...]:
-    columns = zip(
-        blobs.centre_px.tolist(),
-        blobs.box_px.tolist(),
-        blobs.area_px.tolist(),
-        certainty.tolist(),
-        shape.formation.tolist(),
-        blobs.axis_rad.tolist(),
-        shape.length_px.tolist(),
-        shape.sections_px.tolist(),
-        np.any(blobs.border, axis=1).tolist(),
-        strict=True,
-    )
-    return tuple(
-        ImageRock(i + 1, (x, y), tuple(box), area, sure, form, axis, length, tuple(sections), cut)
-        for i, ((x, y), box, area, sure, form, axis, length, sections, cut) in enumerate(columns)
-    )

@@ -7,9 +7,10 @@ import pytest
 
 from perception.depth_rocks import placed_blobs, standing_blobs
 from perception.knowledge_base import load_knowledge
-from perception.pipeline import View, examine, on_ground, with_standing
+from perception.pipeline import View, examine, on_ground
 from perception.rock_geometry import outlines
 from perception.stereo import StereoView, depth_picture
+from perception.two_eyes import with_standing
 from rover_sim.sim.renderer import make_renderer
 from tests.camera_factory import field, lens, look, world
 from worlds.geometry import to_the_right
