@@ -83,6 +83,7 @@ class Ladder:
     heading_rad: float = 0.0  # then
     back_first: bool = False  # trouble was met: back out before anything else
     tried_w: tuple[float, float] | None = None  # where it last did so
+    nudged: str = ""  # and the kind of the straight move there
     bold: bool = False  # the second time round: turns may sweep ground that was never seen
 
     def after_move(self, place_w: FloatArray, progress_m: float) -> Ladder:
@@ -113,11 +114,12 @@ def next_manoeuvre(
         away = _back(0.8, "back out of trouble", memory, table_w, track, place, footprint, time_s)
         if in_vain or away is None or not _easy(_turn_to_back(away, place), place):
             # What did nothing once would do nothing again: without room for a nudge the ladder goes on.
-            away = _straight(NUDGES, table_w, place, footprint, time_s) or (None if in_vain else away)
+            moves = _other_first(NUDGES, ladder.nudged) if in_vain else NUDGES
+            away = _straight(moves, table_w, place, footprint, time_s) or (None if in_vain else away)
         elif place.slope_deg > SLOPE_DEG and abs(_turn_to_back(away, place)) > SLID_RAD:
             away = _straight(STRAIGHT_BACK, table_w, place, footprint, time_s) or away
         if away is not None:
-            return away, ladder
+            return away, replace(ladder, nudged=away.kind if away.nudge_m > 0.0 else "")
     while ladder.rung < len(RUNGS):
         kind, amount = RUNGS[ladder.rung]
         ladder = replace(ladder, rung=ladder.rung + 1)
@@ -251,6 +253,11 @@ def _straight(moves: Moves, table_w: FloatArray, place: Place, footprint: Footpr
             way = np.stack([position, end + sign * STRAIGHT_ON_M * ahead])
             return Manoeuvre(kind, "straight, no turn", place.position_w, time_s, way_w=way, nudge_m=distance)
     return None
+
+
+def _other_first(moves: Moves, kind: str) -> Moves:
+    """The moves, those of ``kind`` last: it did nothing."""
+    return tuple(sorted(moves, key=lambda move: move[1][0] == kind))
 
 
 def finished(manoeuvre: Manoeuvre, place: Place, time_s: float, *, seen: bool) -> bool:

@@ -193,6 +193,20 @@ def test_on_a_slope_a_rover_that_slid_round_backs_straight_down(slope_rad: float
     np.testing.assert_allclose(decision.waypoints_w[-1], end, atol=0.05)
 
 
+def test_a_nudge_in_vain_is_followed_by_one_to_the_other_side() -> None:
+    # Seed 7719, CFA 15 %: "straight on" three times over, until the rover was embedded; a step back freed it.
+    state = navigator.begin((10.0, 0.0), 0.5, FOOTPRINT, (0.0, 0.0))
+    for n in range(21):
+        seen = look(DiscWorld.of([]), np.array((0.1 * n, 1.5, 0.0)), n, None)
+        state, _ = navigator.step(state, seen, pose_at(0.1 * n, 1.5, 0.0), float(n))
+    here, kinds = pose_at(2.0, 1.5, 0.0), []
+    for time_s in (40.0, 42.0, 44.0, 46.0):
+        state, decision = navigator.step(trouble.note_trouble(state, here), None, here, time_s)
+        kinds.append((decision.kind, decision.reason))
+    assert kinds[0] == ("back_up", "back out of trouble")
+    assert kinds[1:] == [(kind, "straight, no turn") for kind in ("back_up", "drive", "back_up")]
+
+
 def test_without_room_for_a_nudge_the_ladder_goes_on() -> None:
     state = navigator.begin((10.0, 0.0), 0.5, FOOTPRINT, (0.0, 0.0))
     world = DiscWorld.of([(2.72, 0.0, 0.2), (1.28, 0.0, 0.2)])  # close before and behind the rover
