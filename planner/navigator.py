@@ -132,7 +132,10 @@ def _decide(state: NavigatorState, place: Place, time_s: float) -> tuple[Navigat
     """A way if there is one, else a rung of the ladder."""
     table = _table(state)
     if state.ladder.back_first:
-        return _recover(state, None, table, place, time_s)
+        freed, decision = _recover(state, None, table, place, time_s)
+        if freed.end is None:
+            return freed, decision
+        state = replace(state, ladder=freed.ladder)  # nothing is left that frees it but the way that there may be
     if state.memory.laser is not None:
         return _by_laser(state, state.memory.laser, table, place, time_s)
     choice = choose(state.memory, table, place, state.models, detour=state.detour)

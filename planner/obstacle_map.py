@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
+from scipy.special import ndtr
 
 from planner.map_kernels import Layer, bring_in, least_clearance, narrowed, rasterise, within
 from planner.memory_kernels import touching
@@ -32,6 +33,7 @@ class DriveModel:
     comfort_m: float = 0.35  # beyond the margin, nearness still costs
     belly_share: float = 1.15  # of the climb height: the belly meets higher rocks
     flank_share: float = 1.25  # and wheels may pass over the flank of lower ones
+    hangs_m: float = 0.0  # one sigma of how low it hangs: wheels sink in and climb, and its end behind them sags
     lifted_m: float = 0.0  # by which uneven ground under the belly rises, in the mean and in one sigma
     misplaced: float = 5.0  # times that, rocks on uneven ground are farther from their place than told
     height_error: float = 1.5  # over the stated one: rocks that are steeper than most fool every view alike
@@ -75,11 +77,14 @@ class DriveModel:
 STEREO_DRIVE = DriveModel(
     touching=0.0,
     low_weight=1.2,
-    belly_share=1.08,
-    squeeze_doubt=0.5,
-    doubt_weight=100.0,
-    height_error=1.4,
-    far_doubt=0.65,
+    belly_share=1.19,
+    hangs_m=0.0085,
+    height_error=0.8,
+    most_doubt=0.015,
+    squeeze_doubt=0.16,
+    undecided=1.75,
+    far_doubt=0.45,
+    doubt_weight=650.0,
 )
 
 
@@ -181,11 +186,10 @@ def too_high(rocks: RockMemory, doubt: FloatArray, model: DriveModel) -> BoolArr
 
 
 def belly_meets(rocks: RockMemory, model: DriveModel, climb_height_m: float) -> FloatArray:
-    """Probability (N,) that each rock is so high that the belly meets it; logistic, within .01 of the normal law."""
+    """Probability (N,) that each rock is so high that the belly meets it."""
     above = model.belly_share * climb_height_m - model.lifted_m - rocks.height_m
-    sds = above / np.maximum(np.hypot(model.height_error * rocks.height_sd_m, model.lifted_m), 1e-3)
-    probability: FloatArray = 1.0 / (1.0 + np.exp(np.clip(1.702 * sds, -40.0, 40.0)))
-    return probability
+    sd = np.sqrt((model.height_error * rocks.height_sd_m) ** 2 + model.hangs_m**2 + model.lifted_m**2)
+    return np.asarray(ndtr(-above / np.maximum(sd, 1e-3)))
 
 
 def _sure(rocks: RockMemory, model: DriveModel, far: BoolArray) -> BoolArray:

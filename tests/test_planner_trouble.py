@@ -14,7 +14,7 @@ from planner import mobility, navigator, trouble
 from planner.choice import turn_prices
 from planner.navigator_state import place_of
 from planner.obstacle_map import STEREO_DRIVE, DriveModel, belly_meets, distance_to, fence, judged, obstacles, passed_by
-from planner.recovery import NUDGE_M_S, STRAIGHT_ON_M
+from planner.recovery import NUDGE_M_S, RUNGS, STRAIGHT_ON_M
 from planner.room import PIT_WALLS
 from planner.terrain_map import STEREO_MEMORY, empty_memory, remember, rock_at
 from planner.track import NO_TRACK, STEP_M, note, way_back
@@ -219,6 +219,19 @@ def test_without_room_for_a_nudge_the_ladder_goes_on() -> None:
     state, second = navigator.step(trouble.note_trouble(state, turned), None, turned, 42.0)
     assert first.kind == "back_up"  # along the way in, with a turn
     assert second.kind != "back_up"
+
+
+def test_a_rover_that_nothing_frees_drives_on_where_there_is_a_way() -> None:
+    # Seed 7729, CFA 15 %: "no path" after 86 s, although a way had been found at each look.
+    state = navigator.begin((10.0, 0.0), 0.5, FOOTPRINT, (2.0, 0.0))
+    here = pose_at(2.0, 0.0, 0.0)
+    state, _ = navigator.step(state, look(DiscWorld.of([]), np.array([2.0, 0.0, 0.0]), 0.0, None), here, 0.0)
+    spent = replace(state.ladder, rung=len(RUNGS), place_w=(2.0, 0.0), tried_w=(2.0, 0.0), back_first=True)
+    before_and_behind = np.array([[2.72, 0.0, 0.05], [1.28, 0.0, 0.05]])  # it can turn, and neither nudge nor back out
+    state = replace(state, ladder=spent, track_w=NO_TRACK, avoid_w=before_and_behind, way=None)
+    state, decision = navigator.step(state, None, here, 1.0)
+    assert decision.kind == "drive"
+    assert state.end is None
 
 
 def test_a_turn_in_vain_makes_no_place_of_trouble_ahead() -> None:
