@@ -140,7 +140,7 @@ def add_heights(score: Score, world: World, moment: Moment, body: Footprint, mod
     away = np.hypot(*(true.position_w[:, :2] - moment.place_w).T)
     low, top = HEIGHTS_M[0], HEIGHTS_M[-1]
     for row in np.flatnonzero((away < NEAR_M[-1]) & moment.seen):
-        tall = _over_wheels(world, int(row))
+        tall = over_wheels(world, int(row))
         if not low < tall < top:
             continue
         apart = np.hypot(*(rocks.centre_w - true.position_w[row, :2]).T)
@@ -150,7 +150,7 @@ def add_heights(score: Score, world: World, moment: Moment, body: Footprint, mod
             score.heights.append((float(away[row]), tall, *found))
 
 
-def _over_wheels(world: World, row: int) -> float:
+def over_wheels(world: World, row: int) -> float:
     """Height of a rock's top over the ground around it that wheels stand on."""
     x, y, bottom = world.rocks.position_w[row]
     angles = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)

@@ -11,6 +11,7 @@ Inefficiency is the driven over the straight way, less one; the oracle's way is 
 from __future__ import annotations
 
 import argparse
+import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -20,28 +21,20 @@ from unittest.mock import patch
 
 import numpy as np
 
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+from benchmarks.rock_belief import over_wheels
 from planner import navigator
 from planner.ground_cells import inside_polygon
 from rover_sim.trials.drive import drive
 from rover_sim.trials.suites import Choices, trials_of
 from rover_sim.trials.trial import Row, Trial
 from worlds.build import build_world
-from worlds.heightfield import height_at
 from worlds.types import FloatArray, Observation, PerceivedRock, World
 
 REACH_M, LEAST_M, CERTAINTY = 6.0, 0.03, 0.9
 LEAST_SD_M, POSITION_SD_M = 0.004, 0.03  # that are stated
-STRADDLED_M = (0.3, 0.4, 0.5)  # from a rock's middle, where the wheels are when it is under the belly
 Step = Callable[..., Any]
-
-
-def heights_over_wheels(world: World) -> FloatArray:
-    """Heights (N,) of the rocks' tops over the ground around them that wheels stand on."""
-    angles = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
-    ring = np.array(STRADDLED_M)[:, None, None] * np.stack([np.cos(angles), np.sin(angles)], axis=-1)
-    places = world.rocks.position_w[:, None, None, :2] + ring
-    around = height_at(world.ground, places[..., 0], places[..., 1]).mean(axis=(1, 2))
-    return np.asarray(world.rocks.position_w[:, 2] + world.rocks.extents_m[:, 2] - around)
 
 
 class Truth:
@@ -50,7 +43,7 @@ class Truth:
     def __init__(self, world: World, height_sd_m: float) -> None:
         self.world, self.sd_m = world, max(height_sd_m, LEAST_SD_M)
         error = height_sd_m * np.random.default_rng(world.seed).normal(size=len(world.rocks))
-        self.height_m = heights_over_wheels(world) + error
+        self.height_m = np.array([over_wheels(world, row) for row in range(len(world.rocks))]) + error
 
     def told(self, observation: Observation, place_w: FloatArray) -> Observation:
         """The observation from a place (2,) with the true rocks that it could show."""
