@@ -14,7 +14,7 @@ from planner.row_search import Task, search
 from planner.terrain_map import TerrainMemory
 from worlds.types import FloatArray
 
-NOSE_DOWN_DEG = 15.0  # about what soft sand bears upwards (`knowledge/route.toml`) ...
+NOSE_DOWN_DEG = 15.0  # about what soft sand bears upwards (`knowledge/slopes`) ...
 GENERAL_DEG = 10.0  # ... where it is the slope and not a rock under a wheel
 LENGTHS_M = (3.0, 2.0, 1.2)
 
