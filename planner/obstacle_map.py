@@ -81,10 +81,10 @@ STEREO_DRIVE = DriveModel(
     hangs_m=0.0085,
     height_error=0.8,
     most_doubt=0.015,
-    squeeze_doubt=0.16,
+    squeeze_doubt=0.05,
     undecided=1.75,
     far_doubt=0.45,
-    doubt_weight=650.0,
+    doubt_weight=1300.0,
 )
 
 
