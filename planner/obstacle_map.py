@@ -73,7 +73,8 @@ class DriveModel:
 
 # Two eyes measure how high a piece is; one takes the height from the breadth, and a piece for a low rock. What is
 # believed better needs less of a margin elsewhere: more rocks are hard, and low ones, which hold wheels, cost more.
-# Heights by two eyes hardly have a bias and err little more than stated; far rocks, as they err most, stay open longer.
+# Heights by two eyes hardly have a bias and err less than stated; those, and how low the belly hangs, are from
+# `benchmarks/belly_clearance.py`. Far rocks, as they err most, stay open longer.
 STEREO_DRIVE = DriveModel(
     touching=0.0,
     low_weight=1.2,
